@@ -1,0 +1,1 @@
+"""What a vehicle or a team believes: dilution of precision, filters, maps."""

@@ -1,0 +1,1 @@
+"""Standard views of a batch of worlds: Gymnasium, vector, PettingZoo, Stable-Baselines3."""

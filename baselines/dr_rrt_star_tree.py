@@ -1,0 +1,305 @@
+"""Kernels of the product's DR-RRT*: a sparse forward tree of landings and their drifts.
+
+A node is a landing point; from it hangs its *drift chain*, the positions after 0, 1, 2 ...
+action periods adrift. An edge is a flight from any point of any chain to a sampled landing.
+Per cell of space (and of time, where the current changes) only the cheapest chain point is kept
+as a place to depart from. A new landing takes the cheapest departure within reach as its
+parent and is kept only if it is the cheapest arrival in its own cell. Nothing is rewired, and a
+parent always precedes its children, so that cycles cannot occur and no arrival time changes.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from aquaquad_envs.compilation import kernel
+from aquaquad_envs.physics.obstacles import clearance_at
+from aquaquad_envs.physics.randomness import normal, uniform
+from aquaquad_envs.physics.vehicle import drift_step, inside_box
+
+CELL_M_PER_HALF_WIDTH = 0.025  # 125 m in the published box
+TIME_BIN_S = 7200.0
+STALE_POINTS = 36  # a chain that is dearer than known ones this many periods in a row ends
+BACKWARD_CHAINS = 48
+
+
+class Mission(NamedTuple):
+    """A problem as the kernels read it: m, s, Wh."""
+
+    velocity: np.ndarray
+    field: int
+    axes: tuple
+    clearance: np.ndarray
+    layer: int
+    grid: tuple
+    time: float  # field time at the start
+    horizon: float
+    half_width: float
+    goal_x: float
+    goal_y: float
+    goal_radius: float
+    aim: float  # the last flight ends this far from the goal
+    margin: float  # least clearance
+    max_hop: float
+    min_hop: float
+    airspeed: float
+    wh_per_m: float
+    hop_price: float  # Wh per flight
+    drift_price: float  # Wh per s
+    period: float  # s, one drift decision
+    steps: int  # integration steps of a period
+
+
+class Sparse(NamedTuple):
+    """The tree: nodes, their chains in one pool, and the cheapest chain point of each cell."""
+
+    parent: np.ndarray  # (nodes,) node departed from, -1: the start
+    takeoff: np.ndarray  # (nodes,) how many periods after the parent's landing
+    cost: np.ndarray  # (nodes,) at landing, Wh
+    time: np.ndarray  # (nodes,) at landing, s since the start
+    first: np.ndarray  # (nodes + 1,) where the chain begins in the pool
+    x: np.ndarray  # (pool,)
+    y: np.ndarray
+    arrival: np.ndarray  # (nodes,) least cost of a plan whose last drift is this node's chain, Wh
+    arrival_takeoff: np.ndarray  # (nodes,) and the periods it drifts there
+    best_cost: np.ndarray  # (time bins, cells, cells)
+    best_node: np.ndarray
+    best_step: np.ndarray
+    upstream: np.ndarray  # (BACKWARD_CHAINS * chain, 2) points from which the goal's surroundings are downstream
+
+    @staticmethod
+    def allocate(nodes: int, chain: int, bins: int) -> Sparse:
+        """Room for ``nodes`` landings with chains of at most ``chain`` points."""
+        cells = round(2.0 / CELL_M_PER_HALF_WIDTH)
+        pool = nodes * chain
+        return Sparse(
+            np.empty(nodes, np.int32), np.empty(nodes, np.int32), np.empty(nodes), np.empty(nodes),
+            np.empty(nodes + 1, np.int64), np.empty(pool), np.empty(pool), np.empty(nodes),
+            np.empty(nodes, np.int32), np.full((bins, cells, cells), np.inf),
+            np.empty((bins, cells, cells), np.int32), np.empty((bins, cells, cells), np.int32),
+            np.empty((BACKWARD_CHAINS * chain, 2)),
+        )  # fmt: skip
+
+
+@kernel
+def clear(m, x, y):
+    """Whether (x, y) lies in the box and at least the margin away from obstacles."""
+    return inside_box(x, y, m.half_width) and clearance_at(m.clearance, m.layer, m.grid, x, y) >= m.margin
+
+
+@kernel
+def flight_clear(m, x0, y0, x1, y1):
+    """Whether a flight may land where it has to: its equal pieces of at most the longest hop."""
+    dx = x1 - x0
+    dy = y1 - y0
+    pieces = int(np.ceil(np.sqrt(dx * dx + dy * dy) / m.max_hop - 1e-9))
+    for i in range(1, pieces):
+        if not clear(m, x0 + dx * i / pieces, y0 + dy * i / pieces):
+            return False
+    return clear(m, x1, y1)
+
+
+@kernel
+def last_landing(m, x, y):
+    """Where the last flight from (x, y) lands: (x, y, length); the length is inf if it cannot arrive."""
+    dx = m.goal_x - x
+    dy = m.goal_y - y
+    distance = np.sqrt(dx * dx + dy * dy)
+    if distance <= m.goal_radius:
+        return x, y, 0.0
+    length = max(distance - m.aim, m.min_hop)
+    if abs(distance - length) > m.goal_radius:
+        return x, y, np.inf
+    return x + dx / distance * length, y + dy / distance * length, length
+
+
+@kernel
+def drift_period(m, t, x, y):
+    """Drift for one period from (x, y) at ``t`` s: (x, y, outcome, steps done).
+
+    Outcome 0 drifts on, 1 reached the goal, -1 left the box or came too near an obstacle.
+    """
+    dt = m.period / m.steps
+    for i in range(m.steps):
+        x, y = drift_step(m.velocity, m.field, m.axes, m.time + t + i * dt, x, y, dt, False)
+        if not clear(m, x, y):
+            return x, y, -1, i + 1
+        dx = m.goal_x - x
+        dy = m.goal_y - y
+        if dx * dx + dy * dy <= m.goal_radius * m.goal_radius:
+            return x, y, 1, i + 1
+    return x, y, 0, m.steps
+
+
+@kernel
+def _cell(tree, m, t, x, y):
+    cells = tree.best_cost.shape[1]
+    scale = cells / (2.0 * m.half_width)
+    column = min(max(int((x + m.half_width) * scale), 0), cells - 1)
+    row = min(max(int((y + m.half_width) * scale), 0), cells - 1)
+    return min(int(t / TIME_BIN_S), tree.best_cost.shape[0] - 1), row, column
+
+
+@kernel
+def _add_node(tree, m, node, x, y, t, cost, parent, takeoff, bound):
+    """Add a landing and simulate its chain; returns the least cost of a plan that ends from it."""
+    tree.parent[node] = parent
+    tree.takeoff[node] = takeoff
+    tree.cost[node] = cost
+    tree.time[node] = t
+    at = tree.first[node]
+    best = np.inf
+    best_step = 0
+    stale = 0
+    step = 0
+    begin = t
+    while True:
+        tree.x[at] = x
+        tree.y[at] = y
+        at += 1
+        bin_, row, column = _cell(tree, m, t, x, y)
+        if cost < tree.best_cost[bin_, row, column]:
+            tree.best_cost[bin_, row, column] = cost
+            tree.best_node[bin_, row, column] = node
+            tree.best_step[bin_, row, column] = step
+            stale = 0
+        else:
+            stale += 1
+        gx, gy, length = last_landing(m, x, y)
+        total = cost + m.wh_per_m * length + (m.hop_price if length > 0.0 else 0.0)
+        if total < best and t + length / m.airspeed <= m.horizon and flight_clear(m, x, y, gx, gy):
+            best = total
+            best_step = step
+        if (stale > STALE_POINTS and node > 0) or t + m.period > m.horizon or cost >= min(best, bound):
+            break
+        x, y, outcome, _ = drift_period(m, t, x, y)
+        step += 1
+        t = begin + step * m.period
+        cost = tree.cost[node] + m.drift_price * (t - begin)
+        if outcome == 1 and cost < best:
+            best = cost
+            best_step = step
+        if outcome != 0:
+            break
+    tree.first[node + 1] = at
+    tree.arrival[node] = best
+    tree.arrival_takeoff[node] = best_step
+    return best
+
+
+@kernel
+def _cheapest_departure(tree, m, x, y, reach, bound):
+    """The chain point from which landing at (x, y) is cheapest: (cost, time, node, step), node -1: none."""
+    cells = tree.best_cost.shape[1]
+    size = 2.0 * m.half_width / cells
+    span = int(reach / size)
+    _, row0, column0 = _cell(tree, m, 0.0, x, y)
+    best = bound
+    best_node = -1
+    best_step = 0
+    best_time = 0.0
+    for bin_ in range(tree.best_cost.shape[0]):
+        for row in range(max(row0 - span, 0), min(row0 + span, cells - 1) + 1):
+            for column in range(max(column0 - span, 0), min(column0 + span, cells - 1) + 1):
+                cost = tree.best_cost[bin_, row, column] + m.hop_price
+                if cost >= best:
+                    continue
+                node = tree.best_node[bin_, row, column]
+                step = tree.best_step[bin_, row, column]
+                x0 = tree.x[tree.first[node] + step]
+                y0 = tree.y[tree.first[node] + step]
+                dx = x - x0
+                dy = y - y0
+                length = np.sqrt(dx * dx + dy * dy)
+                cost += m.wh_per_m * length
+                time = tree.time[node] + step * m.period + length / m.airspeed
+                if cost < best and length >= m.min_hop and time < m.horizon and flight_clear(m, x0, y0, x, y):
+                    best = cost
+                    best_node = node
+                    best_step = step
+                    best_time = time
+    return best, best_time, best_node, best_step
+
+
+@kernel
+def _drift_back(tree, m, state):
+    """Fill ``tree.upstream`` with drifts back in time from places in and around the goal; returns how many.
+
+    Who lands on one of these points drifts to the goal, or near it, for nothing; forward samples alone
+    seldom hit so thin a stream. Where the current changes, each drift supposes one time of arrival.
+    """
+    n = 0
+    dt = -m.period / m.steps
+    for chain in range(BACKWARD_CHAINS):
+        spread = 0.5 * m.goal_radius if chain % 3 == 0 else 0.5 * m.max_hop
+        x = m.goal_x + spread * normal(state)
+        y = m.goal_y + spread * normal(state)
+        t = uniform(state) * m.horizon if m.velocity.shape[1] > 1 else m.horizon
+        while t >= m.period and clear(m, x, y):
+            tree.upstream[n, 0] = x
+            tree.upstream[n, 1] = y
+            n += 1
+            for i in range(m.steps):
+                x, y = drift_step(m.velocity, m.field, m.axes, m.time + t + i * dt, x, y, dt, False)
+            t -= m.period
+    return n
+
+
+@kernel
+def _sample(tree, m, nodes, best_node, upstream, state):
+    """A landing to try: anywhere, upstream of the goal, near a landing of the best plan, or on towards the goal."""
+    choice = uniform(state)
+    if choice < 0.35:
+        return (2.0 * uniform(state) - 1.0) * m.half_width, (2.0 * uniform(state) - 1.0) * m.half_width
+    if choice < 0.6 and upstream > 0:
+        point = tree.upstream[int(uniform(state) * upstream)]
+        spread = 0.5 * m.goal_radius
+        return point[0] + spread * normal(state), point[1] + spread * normal(state)
+    if choice < 0.8:
+        # Up to a few flights back along the best plan.
+        node = best_node
+        while tree.parent[node] > 0 and uniform(state) < 0.6:
+            node = tree.parent[node]
+        step = int(uniform(state) * (tree.first[node + 1] - tree.first[node]))
+    else:
+        node = int(uniform(state) * nodes)
+        step = int(uniform(state) * (tree.first[node + 1] - tree.first[node]))
+    x = tree.x[tree.first[node] + step]
+    y = tree.y[tree.first[node] + step]
+    along = uniform(state) * m.max_hop
+    distance = np.sqrt((m.goal_x - x) ** 2 + (m.goal_y - y) ** 2) + 1e-9
+    spread = 0.5 * m.max_hop
+    x += (m.goal_x - x) / distance * min(along, distance) + spread * normal(state)
+    y += (m.goal_y - y) / distance * min(along, distance) + spread * normal(state)
+    return x, y
+
+
+@kernel
+def grow(tree, m, start_x, start_y, iterations, reach, state):
+    """Grow the tree by ``iterations`` samples from ``state``; returns the number of nodes."""
+    tree.first[0] = 0
+    best = _add_node(tree, m, 0, start_x, start_y, 0.0, 0.0, -1, 0, np.inf)
+    best_node = 0
+    nodes = 1
+    chain = int(m.horizon / m.period) + 2
+    upstream = _drift_back(tree, m, state)
+    for _ in range(iterations):
+        if nodes == tree.cost.size or tree.first[nodes] + chain > tree.x.size:
+            break
+        x, y = _sample(tree, m, nodes, best_node, upstream, state)
+        if not clear(m, x, y):
+            continue
+        cost, time, parent, takeoff = _cheapest_departure(tree, m, x, y, reach, best)
+        if parent < 0:
+            continue
+        bin_, row, column = _cell(tree, m, time, x, y)
+        if cost >= tree.best_cost[bin_, row, column]:
+            continue
+        arrival = _add_node(tree, m, nodes, x, y, time, cost, parent, takeoff, best)
+        if arrival < best:
+            best = arrival
+            best_node = nodes
+        nodes += 1
+    return nodes
