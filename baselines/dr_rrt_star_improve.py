@@ -62,14 +62,17 @@ def copy_draft(source, target):
 
 @kernel
 def _depart(m, draft, i):
-    """Choose how long to drift from row ``i``: returns (cost, time) at the next landing or the arrival."""
+    """Choose how long to drift from row ``i``: returns (cost, time) at the next landing or the arrival.
+
+    Looks beyond the departure that the row held before, and writes the one chosen.
+    """
     x = draft.x[i]
     y = draft.y[i]
     t = draft.time[i]
     last = i == draft.count[0]
     best = np.inf
     best_time = np.inf
-    draft.takeoff[i] = 0
+    look = draft.takeoff[i] + LOOK_AHEAD
     step = 0
     while True:
         if last:
@@ -86,7 +89,8 @@ def _depart(m, draft, i):
             best = cost
             best_time = arrival
             draft.takeoff[i] = step
-        if step >= draft.takeoff[i] + LOOK_AHEAD or t + m.period > m.horizon:
+            look = max(look, step + LOOK_AHEAD)
+        if step >= look or t + m.period > m.horizon:
             break
         x, y, outcome, done = drift_period(m, t, x, y)
         step += 1
@@ -185,9 +189,11 @@ def _insert(draft, row, x, y):
     for j in range(draft.count[0], row - 1, -1):
         draft.x[j + 1] = draft.x[j]
         draft.y[j + 1] = draft.y[j]
+        draft.takeoff[j + 1] = draft.takeoff[j]
     draft.count[0] += 1
     draft.x[row] = x
     draft.y[row] = y
+    draft.takeoff[row] = 0
 
 
 @kernel
@@ -196,6 +202,7 @@ def _remove(draft, row):
     for j in range(row, draft.count[0]):
         draft.x[j] = draft.x[j + 1]
         draft.y[j] = draft.y[j + 1]
+        draft.takeoff[j] = draft.takeoff[j + 1]
     draft.count[0] -= 1
 
 
@@ -274,9 +281,12 @@ def draft_from_tree(tree, m, node, draft, steady):
         return np.inf
     draft.count[0] = n
     at = node
+    takeoff = tree.arrival_takeoff[node]
     for row in range(n, -1, -1):
         draft.x[row] = tree.x[tree.first[at]]
         draft.y[row] = tree.y[tree.first[at]]
+        draft.takeoff[row] = takeoff
+        takeoff = tree.takeoff[at]
         at = tree.parent[at]
     draft.time[0] = 0.0
     draft.cost[0] = 0.0

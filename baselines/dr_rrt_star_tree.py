@@ -50,6 +50,7 @@ class Mission(NamedTuple):
     drift_price: float  # Wh per s
     period: float  # s, one drift decision
     steps: int  # integration steps of a period
+    coarse_steps: int  # the same in open water, 0: as many
 
 
 class Sparse(NamedTuple):
@@ -67,7 +68,11 @@ class Sparse(NamedTuple):
     best_cost: np.ndarray  # (time bins, cells, cells)
     best_node: np.ndarray
     best_step: np.ndarray
-    upstream: np.ndarray  # (BACKWARD_CHAINS * chain, 2) points from which the goal's surroundings are downstream
+    back_x: np.ndarray  # (backward chains, chain) drifts that lead to the goal or near it; column = period
+    back_y: np.ndarray
+    back_begin: np.ndarray  # (backward chains,) first and one past the last column that counts
+    back_end: np.ndarray
+    back_cost: np.ndarray  # (backward chains,) what the flight from its end to the goal costs, Wh
 
     @staticmethod
     def allocate(nodes: int, chain: int, bins: int) -> Sparse:
@@ -79,7 +84,8 @@ class Sparse(NamedTuple):
             np.empty(nodes + 1, np.int64), np.empty(pool), np.empty(pool), np.empty(nodes),
             np.empty(nodes, np.int32), np.full((bins, cells, cells), np.inf),
             np.empty((bins, cells, cells), np.int32), np.empty((bins, cells, cells), np.int32),
-            np.empty((BACKWARD_CHAINS * chain, 2)),
+            np.empty((BACKWARD_CHAINS, chain)), np.empty((BACKWARD_CHAINS, chain)),
+            np.empty(BACKWARD_CHAINS, np.int64), np.empty(BACKWARD_CHAINS, np.int64), np.empty(BACKWARD_CHAINS),
         )  # fmt: skip
 
 
@@ -116,11 +122,39 @@ def last_landing(m, x, y):
 
 
 @kernel
+def _room(m, x, y):
+    """Distance, m, within which nothing happens to a drift: no obstacle's margin, edge or goal."""
+    room = clearance_at(m.clearance, m.layer, m.grid, x, y) - m.margin
+    room = min(room, m.half_width - max(abs(x), abs(y)))
+    return min(room, np.sqrt((m.goal_x - x) ** 2 + (m.goal_y - y) ** 2) - m.goal_radius)
+
+
+@kernel
 def drift_period(m, t, x, y):
     """Drift for one period from (x, y) at ``t`` s: (x, y, outcome, steps done).
 
-    Outcome 0 drifts on, 1 reached the goal, -1 left the box or came too near an obstacle.
+    Outcome 0 drifts on, 1 reached the goal, -1 left the box or came too near an obstacle. Where
+    nothing lies nearer than the way drifted, ``coarse_steps`` (if not 0) do the work of ``steps``.
     """
+    x0 = x
+    y0 = y
+    free = m.coarse_steps > 0
+    if free:
+        dt = m.period / m.coarse_steps
+        room = _room(m, x, y)
+        for i in range(m.coarse_steps):
+            from_x = x
+            from_y = y
+            x, y = drift_step(m.velocity, m.field, m.axes, m.time + t + i * dt, x, y, dt, False)
+            way = np.sqrt((x - from_x) ** 2 + (y - from_y) ** 2)
+            room = min(room, _room(m, x, y))
+            if room <= way:
+                free = False
+                break
+    if free:
+        return x, y, 0, m.steps
+    x = x0
+    y = y0
     dt = m.period / m.steps
     for i in range(m.steps):
         x, y = drift_step(m.velocity, m.field, m.axes, m.time + t + i * dt, x, y, dt, False)
@@ -225,54 +259,84 @@ def _cheapest_departure(tree, m, x, y, reach, bound):
 
 @kernel
 def _drift_back(tree, m, state):
-    """Fill ``tree.upstream`` with drifts back in time from places in and around the goal; returns how many.
+    """Drift back in time from places in and around the goal.
 
-    Who lands on one of these points drifts to the goal, or near it, for nothing; forward samples alone
-    seldom hit so thin a stream. Where the current changes, each drift supposes one time of arrival.
+    Who lands on one of these drifts reaches the goal, or its surroundings, for nothing; samples of
+    the box alone seldom hit so thin a stream. Where the current changes each supposes a time of arrival.
     """
-    n = 0
-    dt = -m.period / m.steps
+    dt = -m.period / (m.coarse_steps if m.coarse_steps > 0 else m.steps)
+    steady = m.velocity.shape[1] == 1
+    periods = int(m.horizon / m.period)
     for chain in range(BACKWARD_CHAINS):
-        spread = 0.5 * m.goal_radius if chain % 3 == 0 else 0.5 * m.max_hop
+        spread = 0.4 * m.goal_radius if chain % 2 == 0 else 0.5 * m.max_hop
         x = m.goal_x + spread * normal(state)
         y = m.goal_y + spread * normal(state)
-        t = uniform(state) * m.horizon if m.velocity.shape[1] > 1 else m.horizon
-        while t >= m.period and clear(m, x, y):
-            tree.upstream[n, 0] = x
-            tree.upstream[n, 1] = y
-            n += 1
-            for i in range(m.steps):
-                x, y = drift_step(m.velocity, m.field, m.axes, m.time + t + i * dt, x, y, dt, False)
-            t -= m.period
-    return n
+        _, _, length = last_landing(m, x, y)
+        tree.back_cost[chain] = m.wh_per_m * length + (m.hop_price if length > 0.0 else 0.0)
+        column = periods if steady else int(uniform(state) * (periods + 1))
+        tree.back_end[chain] = column + 1
+        while column >= 0 and clear(m, x, y):
+            tree.back_x[chain, column] = x
+            tree.back_y[chain, column] = y
+            for i in range(m.coarse_steps if m.coarse_steps > 0 else m.steps):
+                t = m.time + column * m.period + i * dt
+                x, y = drift_step(m.velocity, m.field, m.axes, t, x, y, dt, False)
+            column -= 1
+        tree.back_begin[chain] = column + 1
 
 
 @kernel
-def _sample(tree, m, nodes, best_node, upstream, state):
-    """A landing to try: anywhere, upstream of the goal, near a landing of the best plan, or on towards the goal."""
+def _connect(tree, m, node, step):
+    """The cheapest landing on a backward drift from one chain point: (x, y, cost to the goal from there on)."""
+    steady = m.velocity.shape[1] == 1
+    x0 = tree.x[tree.first[node] + step]
+    y0 = tree.y[tree.first[node] + step]
+    now = (tree.time[node] + step * m.period) / m.period
+    best = np.inf
+    best_x = x0
+    best_y = y0
+    for chain in range(BACKWARD_CHAINS):
+        begin = tree.back_begin[chain]
+        end = tree.back_end[chain] - 1
+        share = 0.0
+        if not steady:
+            begin = max(begin, int(now))
+            end = min(end, begin + 1) if begin == int(now) else begin
+            share = now - int(now)
+        for column in range(begin, end):
+            x = tree.back_x[chain, column]
+            y = tree.back_y[chain, column]
+            x += share * (tree.back_x[chain, column + 1] - x)
+            y += share * (tree.back_y[chain, column + 1] - y)
+            length = np.sqrt((x - x0) ** 2 + (y - y0) ** 2)
+            cost = m.wh_per_m * length + tree.back_cost[chain]
+            if cost < best and length >= m.min_hop:
+                best = cost
+                best_x = x
+                best_y = y
+    return best_x, best_y, best
+
+
+@kernel
+def _sample(tree, m, nodes, best_node, state):
+    """A landing to try: anywhere, near a landing of the best plan, or on from any chain."""
     choice = uniform(state)
-    if choice < 0.35:
+    if choice < 0.5:
         return (2.0 * uniform(state) - 1.0) * m.half_width, (2.0 * uniform(state) - 1.0) * m.half_width
-    if choice < 0.6 and upstream > 0:
-        point = tree.upstream[int(uniform(state) * upstream)]
-        spread = 0.5 * m.goal_radius
-        return point[0] + spread * normal(state), point[1] + spread * normal(state)
+    node = int(uniform(state) * nodes)
     if choice < 0.8:
         # Up to a few flights back along the best plan.
         node = best_node
         while tree.parent[node] > 0 and uniform(state) < 0.6:
             node = tree.parent[node]
-        step = int(uniform(state) * (tree.first[node + 1] - tree.first[node]))
-    else:
-        node = int(uniform(state) * nodes)
-        step = int(uniform(state) * (tree.first[node + 1] - tree.first[node]))
+    step = int(uniform(state) * (tree.first[node + 1] - tree.first[node]))
     x = tree.x[tree.first[node] + step]
     y = tree.y[tree.first[node] + step]
-    along = uniform(state) * m.max_hop
     distance = np.sqrt((m.goal_x - x) ** 2 + (m.goal_y - y) ** 2) + 1e-9
+    along = min(uniform(state) * m.max_hop, distance) / distance
     spread = 0.5 * m.max_hop
-    x += (m.goal_x - x) / distance * min(along, distance) + spread * normal(state)
-    y += (m.goal_y - y) / distance * min(along, distance) + spread * normal(state)
+    x += (m.goal_x - x) * along + spread * normal(state)
+    y += (m.goal_y - y) * along + spread * normal(state)
     return x, y
 
 
@@ -284,19 +348,32 @@ def grow(tree, m, start_x, start_y, iterations, reach, state):
     best_node = 0
     nodes = 1
     chain = int(m.horizon / m.period) + 2
-    upstream = _drift_back(tree, m, state)
+    _drift_back(tree, m, state)
     for _ in range(iterations):
         if nodes == tree.cost.size or tree.first[nodes] + chain > tree.x.size:
             break
-        x, y = _sample(tree, m, nodes, best_node, upstream, state)
-        if not clear(m, x, y):
-            continue
-        cost, time, parent, takeoff = _cheapest_departure(tree, m, x, y, reach, best)
-        if parent < 0:
-            continue
-        bin_, row, column = _cell(tree, m, time, x, y)
-        if cost >= tree.best_cost[bin_, row, column]:
-            continue
+        if uniform(state) < 0.3:
+            parent = int(uniform(state) * nodes)
+            takeoff = int(uniform(state) * (tree.first[parent + 1] - tree.first[parent]))
+            x, y, cost = _connect(tree, m, parent, takeoff)
+            x0 = tree.x[tree.first[parent] + takeoff]
+            y0 = tree.y[tree.first[parent] + takeoff]
+            length = np.sqrt((x - x0) ** 2 + (y - y0) ** 2)
+            before = tree.cost[parent] + takeoff * m.period * m.drift_price + m.hop_price
+            if before + cost >= best or not flight_clear(m, x0, y0, x, y):
+                continue
+            cost = before + m.wh_per_m * length
+            time = tree.time[parent] + takeoff * m.period + length / m.airspeed
+        else:
+            x, y = _sample(tree, m, nodes, best_node, state)
+            if not clear(m, x, y):
+                continue
+            cost, time, parent, takeoff = _cheapest_departure(tree, m, x, y, reach, best)
+            if parent < 0:
+                continue
+            bin_, row, column = _cell(tree, m, time, x, y)
+            if cost >= tree.best_cost[bin_, row, column]:
+                continue
         arrival = _add_node(tree, m, nodes, x, y, time, cost, parent, takeoff, best)
         if arrival < best:
             best = arrival

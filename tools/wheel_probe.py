@@ -35,14 +35,20 @@ def import_all() -> int:
             importlib.import_module(name)
             imported += 1
         except ModuleNotFoundError as error:
-            optional = {NEEDS.get(".".join(name.split(".")[:depth])) for depth in range(1, 4)}
-            if error.name is None or error.name.split(".")[0] not in set().union(*filter(None, optional)):
+            if (error.name or "").split(".")[0] not in optional_packages(name):
                 raise
     return imported
 
 
+def optional_packages(module: str) -> set[str]:
+    """The packages that ``module`` may miss: those of its own entry in ``NEEDS`` or of a parent's."""
+    found = (needs for known, needs in NEEDS.items() if f"{module}.".startswith(f"{known}."))
+    return set().union(*found)
+
+
 def _raise(name: str) -> None:
-    if not any(name == known or name.startswith(f"{known}.") for known in NEEDS):
+    # walk_packages imports packages to look inside; it would hide what went wrong there.
+    if not optional_packages(name):
         raise ImportError(f"{name} does not import.")
 
 

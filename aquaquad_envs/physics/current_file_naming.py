@@ -39,7 +39,7 @@ CONVENTIONS = (
     ("uogrd", "vogrd", ""), ("u_velo", "v_velo", ""), ("u-vel", "v-vel", ""), ("uu", "vv", ""),
     ("utotal", "vtotal", "east"), ("total_u", "total_v", ""), ("uz", "vz", ""),
     ("ssu_oce", "ssv_oce", ""), ("ocu", "ocv", ""), ("ua", "va", ""), ("ubar", "vbar", ""),
-    ("u_barotropic_velocity", "v_barotropic_velocity", ""), ("ub", "vb", ""),
+    ("ewct", "nsct", "east"), ("evel", "nvel", "east"), ("u_barotropic_velocity", "v_barotropic_velocity", ""), ("ub", "vb", ""),
     ("ubar_eastward", "vbar_northward", "east"),
 )  # fmt: skip
 
@@ -113,7 +113,7 @@ def speed_unit(component: Located) -> tuple[float, str]:
     in_brackets = re.search(r"[(\[]([^)\]]+)[)\]]\s*$", component.text("long_name"))
     scale = parse_speed_unit(in_brackets.group(1)) if in_brackets else None
     if in_brackets and scale is not None:
-        return scale, f"{name} has no units; its long name says {in_brackets.group(1)!r}"
+        return scale, f"{name} has no units; assumed {in_brackets.group(1)}, as its long name says"
     return 1.0, f"{name} has no units; assumed m/s"
 
 
@@ -264,7 +264,9 @@ def _by_long_name(numeric: list[Located], lone: list[str]) -> VelocityPair | Non
             for pattern in (u_pattern, v_pattern)
         )
         if us and vs:
-            v = min(vs, key=lambda v: (not _alike(us[0].name, v.name), v.variable.dims != us[0].variable.dims))
+            v = min(
+                vs, key=lambda v: (not _alike(us[0].name, v.name), v.variable.dims != us[0].variable.dims)
+            )
             return VelocityPair(us[0], v, direction, "long_name")
         lone += [repr(one.name) for one in (us or vs)[:1]]
     return None
@@ -297,10 +299,12 @@ def _is_coordinate(variable: Located, standard_name: str, units: str, names: re.
 
 TIME_NAMES = {
     "time", "ocean_time", "t", "time_counter", "mt", "date", "valid_time", "record", "times", "time_instant",
-    "tstep", "ntime", "nt", "time1", "forecast_time", "datetime", "juld",
+    "tstep", "ntime", "nt", "time1", "forecast_time", "datetime", "juld", "step", "lead", "leadtime", "forecast_period",
 }  # fmt: skip
 _DEPTH_NAME = re.compile(r"(model_)?(depth\w*|lev\w*|z|zt|z_\w+|zlev\w*|s_rho|s_w|sigma\w*|siglay|layers?|sc_r|st_ocean|k|nz|nk|nlev|nlayer\w*|plev|kbm?|height\w*|altitude|pres\w*|n_levels)")  # fmt: skip
-_DEPTH_STANDARD = re.compile(r"depth.*|height.*|altitude|ocean_s.*|ocean_sigma.*|.*pressure.*|model_level_number")
+_DEPTH_STANDARD = re.compile(
+    r"depth.*|height.*|altitude|ocean_s.*|ocean_sigma.*|.*pressure.*|model_level_number"
+)
 _MEMBER_NAME = re.compile(r"ens\w*|member\w*|number|reali[sz]ation\w*|perturbation\w*|nens|run|scenario")
 
 
@@ -346,7 +350,7 @@ def find_time(dataset: xarray.Dataset, dimension: str | None, hints: str = "") -
         if dimension is None and not timely:
             continue
         hinted = re.search(rf"\b{re.escape(low)}\b", hints) is not None
-        found.append(((not hinted, not dated, not timely, located.name != dimension), located))
+        found.append(((not dated, not hinted, not timely, located.name != dimension), located))
     return min(found, key=lambda item: item[0])[1] if found else None
 
 
@@ -362,7 +366,9 @@ def find_angle(datasets: Sequence[xarray.Dataset], shape: tuple[int, int]) -> Lo
     return None
 
 
-def find_mask(datasets: Sequence[xarray.Dataset], shape: tuple[int, int], names: Sequence[str]) -> Located | None:
+def find_mask(
+    datasets: Sequence[xarray.Dataset], shape: tuple[int, int], names: Sequence[str]
+) -> Located | None:
     """A water mask (1 water, 0 land; the reverse for ``land_binary_mask``) on a grid of ``shape``."""
     for dataset in datasets:
         for name, variable in dataset.variables.items():

@@ -72,7 +72,9 @@ def _both_sides(steps: np.ndarray, axis: int) -> np.ndarray:
     return np.where(np.isnan(before), after, np.where(np.isnan(after), before, (before + after) / 2))
 
 
-def wettest_center(grid: HorizontalGrid, wet: np.ndarray, half_width_m: float, stride: int) -> tuple[float, float]:
+def wettest_center(
+    grid: HorizontalGrid, wet: np.ndarray, half_width_m: float, stride: int
+) -> tuple[float, float]:
     """Position of the source point whose box has the most water; of equals the nearest to the middle.
 
     ``wet`` holds every ``stride``-th point. A point's box is taken as the index
@@ -129,7 +131,9 @@ def extent(grid: HorizontalGrid) -> str:
     """Where the data lie, in words."""
     latitude, longitude = grid.latitude, grid.longitude
     degrees, _, around = ordered_longitudes(np.unique(np.round(longitude[np.isfinite(longitude)], 6)))
-    east_west = "all longitudes" if around else f"longitudes {wrap(degrees[0]):.3f} to {wrap(degrees[-1]):.3f}"
+    east_west = (
+        "all longitudes" if around else f"longitudes {wrap(degrees[0]):.3f} to {wrap(degrees[-1]):.3f}"
+    )
     return f"latitudes {np.nanmin(latitude):.3f} to {np.nanmax(latitude):.3f} and {east_west}"
 
 
@@ -205,7 +209,10 @@ class Sampler:
         self._axes = (latitude[keep_rows], east[keep_columns])
         self.rows, self.columns = order[keep_rows], column_order[keep_columns]
         self._nodes = np.stack(
-            [np.clip(node_latitude, *self._axes[0][[0, -1]]), np.clip(node_longitude, *self._axes[1][[0, -1]])],
+            [
+                np.clip(node_latitude, *self._axes[0][[0, -1]]),
+                np.clip(node_longitude, *self._axes[1][[0, -1]]),
+            ],
             axis=-1,
         )
         self.outside = _beyond(latitude, node_latitude) | _beyond(east, node_longitude)
@@ -221,7 +228,6 @@ class Sampler:
         latitude, longitude = self.grid.latitude, self.grid.longitude
         x, y = to_metres(latitude, longitude, self.center)
         half_x, half_y = np.abs(self.x).max(), np.abs(self.y).max()
-        # Distances between neighbours are needed near the box only; on large grids the rest is slow.
         down, across, _ = spacings(latitude, longitude)
         cell = np.fmax(down, across)
         with np.errstate(invalid="ignore"):
@@ -231,11 +237,6 @@ class Sampler:
         thin[::stride, ::stride] = True
         chosen &= thin
         rows, columns = np.nonzero(chosen)
-        if len(rows):
-            spot = np.round(np.stack([x[rows, columns], y[rows, columns]], axis=-1), 1)
-            _, group, counts = np.unique(spot, axis=0, return_inverse=True, return_counts=True)
-            usual = counts[np.ravel(group)] <= 4  # many points in one place are filled positions, not places
-            rows, columns = rows[usual], columns[usual]
         if len(rows) < 3:
             self.rows = self.columns = np.zeros(0, dtype=np.int64)
             self.outside, self._resolution = np.ones(len(self.x), dtype=bool), np.nan
@@ -269,8 +270,12 @@ class Sampler:
             try:
                 self._triangles = Delaunay(self._positions)
             except QhullError as error:
-                raise CurrentFileError("the positions of the points lie on one line or in one place.") from error
-        return LinearNDInterpolator(self._triangles, points, fill_value=0.0)(np.stack([self.x, self.y], axis=-1))
+                raise CurrentFileError(
+                    "the positions of the points lie on one line or in one place."
+                ) from error
+        return LinearNDInterpolator(self._triangles, points, fill_value=0.0)(
+            np.stack([self.x, self.y], axis=-1)
+        )
 
 
 def _window(axis: np.ndarray, nodes: np.ndarray) -> np.ndarray:

@@ -74,6 +74,11 @@ class ScenarioBank:
     center: tuple[float, float] | None = None
     start_time: str | None = None
 
+    def __post_init__(self) -> None:
+        # Banks are shared; and one kind of array everywhere spares compiling the kernels twice.
+        for array in (self.velocity, self.clearance, self.scenarios):
+            array.setflags(write=False)
+
 
 @lru_cache(maxsize=8)
 def build_bank(spec: ScenarioSpec) -> ScenarioBank:

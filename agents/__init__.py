@@ -1,0 +1,1 @@
+"""Learned policies: recipes, training, checkpoints, loading; one file per concern."""

@@ -1,0 +1,115 @@
+"""Imitation of the grid optimum: dataset aggregation (DAgger) on the task's own worlds.
+
+Ross, Gordon and Bagnell, "A reduction of imitation learning and structured prediction to no-regret
+online learning", AISTATS 2011: the learner acts, the expert says what it would have done in the
+states that the learner reaches, and the learner is fitted to all labels so far.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import torch
+
+from agents.recipes import FIRST_TRAINING_SEED, Recipe
+from aquaquad_envs.physics.obstacles import clearance_at
+from aquaquad_envs.tasks.batch import WorldBatch, make_world_batch
+from baselines.optimal import Optimal
+
+#: Missions a round that each world is scattered to and started anew, its goal and field kept.
+MISSIONS_PER_ROUND = 4
+_MINIBATCH = 2048
+
+
+def imitate(
+    actor: torch.nn.Module,
+    recipe: Recipe,
+    *,
+    seed: int,
+    report: Callable[[int, float, int], None],
+) -> None:
+    """Fit ``actor`` (observations -> mean actions) to the expert's labels, ``recipe.imitation_rounds`` rounds.
+
+    ``report(round, loss, labels)`` is called after each round. Deterministic in ``seed``.
+    """
+    rng = np.random.default_rng(np.random.SeedSequence([seed, 1]))
+    order = torch.Generator().manual_seed(seed)
+    optimiser = torch.optim.Adam(actor.parameters(), lr=1e-3)
+    seen: list[np.ndarray] = []
+    labels: list[np.ndarray] = []
+    params = {**recipe.params, "start_anywhere": 0.0}
+    for number in range(recipe.imitation_rounds):
+        batch = make_world_batch(recipe.task, recipe.imitation_worlds, **params)
+        first = FIRST_TRAINING_SEED + (seed * 1000 + number) * recipe.imitation_worlds
+        batch.reset(first)
+        expert = Optimal(batch)
+        for mission in range(MISSIONS_PER_ROUND):
+            batch.reset(first)
+            if mission > 0:
+                _scatter(batch, rng)
+            # Early rounds mostly follow the expert, later ones mostly the learner.
+            trust = 0.7**number if number or mission else 1.0
+            observations, wanted = _roll(batch, expert, actor, trust, rng)
+            seen.append(observations)
+            labels.append(wanted)
+        loss = _fit(actor, optimiser, np.concatenate(seen), np.concatenate(labels), recipe, order)
+        for group in optimiser.param_groups:
+            group["lr"] = 1e-3 * (1.0 - 0.9 * (number + 1) / recipe.imitation_rounds)
+        report(number + 1, loss, sum(map(len, labels)))
+
+
+def _scatter(batch: WorldBatch, rng: np.random.Generator) -> None:
+    """Move every vehicle to a random place on open water, at a random time of its mission."""
+    worlds, ocean, size = batch.worlds, batch.ocean, batch.params.half_width_m
+    for world in worlds:
+        for _ in range(100):
+            x, y = rng.uniform(-size, size, 2)
+            if clearance_at(ocean.clearance, int(world["obstacle"]), ocean.clearance_grid, x, y) > 0.0:
+                world["x"], world["y"] = x, y
+                break
+    worlds["time_s"] = rng.uniform(0.0, 0.6, len(worlds)) * batch.params.horizon_s
+    worlds["battery_wh"] *= rng.uniform(0.5, 1.0, len(worlds))
+
+
+def _roll(
+    batch: WorldBatch, expert: Optimal, actor: torch.nn.Module, trust: float, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """One mission of every world: observations met and what the expert would have done there."""
+    seen, labels = [], []
+    # A restarted world is observed by its first step; until then it drifts once.
+    batch.step(np.zeros((batch.num_worlds, batch.action_spec.size)))
+    for _ in range(10_000):
+        running = ~(batch.terminated | batch.truncated)
+        if not running.any():
+            break
+        wanted = expert.act(batch.observations, batch.worlds)
+        seen.append(batch.observations[running].copy())
+        labels.append(wanted[running].copy())
+        with torch.no_grad():
+            own = actor(torch.from_numpy(batch.observations)).numpy()
+        follow = rng.random(batch.num_worlds) < trust
+        batch.step(np.where(follow[:, None], wanted, np.clip(own, -1.0, 1.0)))
+    return np.concatenate(seen), np.concatenate(labels)
+
+
+def _fit(
+    actor: torch.nn.Module,
+    optimiser: torch.optim.Optimizer,
+    observations: np.ndarray,
+    labels: np.ndarray,
+    recipe: Recipe,
+    order: torch.Generator,
+) -> float:
+    """Some epochs of Huber regression; returns the last epoch's mean loss."""
+    x, y = torch.from_numpy(observations), torch.from_numpy(labels)
+    loss_sum = 0.0
+    for _ in range(recipe.imitation_epochs):
+        loss_sum = 0.0
+        for part in torch.randperm(len(x), generator=order).split(_MINIBATCH):
+            loss = torch.nn.functional.smooth_l1_loss(actor(x[part]), y[part], beta=0.1)
+            optimiser.zero_grad()
+            loss.backward()
+            optimiser.step()
+            loss_sum += float(loss.detach()) * len(part)
+    return loss_sum / len(x)

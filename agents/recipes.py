@@ -1,0 +1,111 @@
+"""Training recipes: one frozen dataclass a task, plain numbers that a reader may tune."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from aquaquad_envs.errors import check_choice, check_range
+
+#: Seeds of evaluation suites lie below the first validation seed, those of training far above it.
+VALIDATION_SEED = 2_000_000
+FIRST_TRAINING_SEED = 2**40
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recipe:
+    """How one policy is trained.
+
+    ``params`` are the task's parameters in training, ``validation`` those of the episodes that are
+    evaluated now and then. ``algorithm_settings`` go to the Stable-Baselines3 constructor as they are.
+    ``imitation_rounds`` > 0 begins with so many rounds of imitating the task's grid optimum (DAgger:
+    Ross, Gordon and Bagnell, AISTATS 2011), which spares the long patience that exploring needs.
+    """
+
+    task: str
+    scenario: str
+    algorithm: str
+    num_worlds: int
+    hidden: tuple[int, ...] = (256, 256)
+    params: dict[str, Any] = field(default_factory=dict)
+    validation: dict[str, Any] = field(default_factory=dict)
+    algorithm_settings: dict[str, Any] = field(default_factory=dict)
+    initial_log_std: float = -1.0
+    imitation_rounds: int = 0
+    imitation_worlds: int = 256
+    imitation_epochs: int = 4
+    #: frames during which only the value function learns, so that it does not spoil an imitated policy
+    value_warmup_frames: int = 0
+    checkpoint_every: int = 1_000_000
+    evaluate_every: int = 1_000_000
+    evaluation_episodes: int = 200
+
+    def with_overrides(self, **values: Any) -> Recipe:
+        """A copy with every value that is not None replaced."""
+        return replace(self, **{name: value for name, value in values.items() if value is not None})
+
+
+_PPO = {
+    "n_steps": 64,
+    "batch_size": 4096,
+    "n_epochs": 4,
+    "gamma": 0.999,
+    "gae_lambda": 0.95,
+    "learning_rate": 3e-4,
+    "clip_range": 0.2,
+    "ent_coef": 0.0,
+    "max_grad_norm": 0.5,
+}
+_SAC = {
+    "learning_rate": 3e-4,
+    "buffer_size": 1_000_000,
+    "batch_size": 4096,
+    "learning_starts": 50_000,
+    "train_freq": 1,
+    "gradient_steps": 8,
+    "gamma": 0.999,
+    "tau": 0.005,
+}
+_WORLD = {
+    # Starts spread over the map, so that every part of a long mission is practised from the first episode.
+    "vortex": {"scenario": "vortex-perturbed", "start_anywhere": 0.7},
+    "gyres": {"scenario": "gyres", "field_seed": 1, "num_fields": 512, "start_anywhere": 0.5},
+}
+_VALIDATION = {
+    "vortex": {"scenario": "vortex-perturbed"},
+    "gyres": {"scenario": "gyres", "field_seed": 2, "num_fields": 200},
+}
+
+
+def drift_hop_recipe(scenario: str, algorithm: str) -> Recipe:
+    """The recipe of drift/hop on ``scenario`` ("vortex" or "gyres") with "ppo" or "sac"."""
+    check_choice("scenario", scenario, _WORLD)
+    check_choice("algorithm", algorithm, ("ppo", "sac"))
+    ppo = algorithm == "ppo"
+    return Recipe(
+        task="drift-hop",
+        scenario=scenario,
+        algorithm=algorithm,
+        num_worlds=512 if ppo else 64,
+        params=_WORLD[scenario],
+        validation=_VALIDATION[scenario],
+        algorithm_settings=dict(_PPO if ppo else _SAC),
+        initial_log_std=-2.0 if ppo else -1.0,
+        imitation_rounds=12 if ppo else 0,
+        imitation_worlds=256 if scenario == "vortex" else 512,
+        value_warmup_frames=1_000_000 if ppo else 0,
+    )
+
+
+RECIPES = {"drift-hop": drift_hop_recipe}
+
+
+def make_recipe(task: str, scenario: str, algorithm: str) -> Recipe:
+    """The recipe for a task; raises ``InvalidParameterError`` naming what there is."""
+    check_choice("task", task, RECIPES)
+    return RECIPES[task](scenario, algorithm)
+
+
+def check_steps(steps: int) -> None:
+    """Raise ``InvalidParameterError`` unless ``steps`` is a sensible number of frames."""
+    check_range("steps", steps, 1, 10**12)

@@ -1,0 +1,51 @@
+"""Scripted policies, one file each, and the names that command lines know them by.
+
+A policy is a class with ``information`` (one sentence: what it was allowed to know),
+``reset(seeds)`` and ``act(observations, worlds) -> actions``, both over all worlds of the batch
+that it was constructed with.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any, Protocol
+
+import numpy as np
+
+from aquaquad_envs.errors import check_choice
+
+
+class Policy(Protocol):
+    """What decides for all worlds of a batch, scripted or learned."""
+
+    #: What it was allowed to know, in one sentence.
+    information: str
+
+    def reset(self, seeds: np.ndarray) -> None:
+        """Begin an episode in every world; ``seeds`` decide whatever the policy draws."""
+
+    def act(self, observations: np.ndarray, worlds: np.ndarray) -> np.ndarray:
+        """Actions of all worlds, (num_worlds, size); those of finished worlds are ignored."""
+
+
+#: Task -> policy name -> where its class is: "module:class". Imported when asked for.
+POLICIES: dict[str, dict[str, str]] = {
+    "drift-hop": {
+        "random": "baselines.simple:Random",
+        "drift": "baselines.simple:Drift",
+        "direct-flight": "baselines.direct_flight:DirectFlight",
+        "dr-rrt-star": "baselines.dr_rrt_star:DrRrtStar",
+        "optimal": "baselines.optimal:Optimal",
+    },
+}
+
+
+def make_policy(name: str, batch: Any, **options: Any) -> Policy:
+    """The scripted policy called ``name`` for all worlds of ``batch``.
+
+    ``options`` go to its class. Raises ``InvalidParameterError`` for an unknown name.
+    """
+    known = POLICIES.get(batch.task.name, {})
+    check_choice("policy", name, known)
+    module, _, attribute = known[name].partition(":")
+    return getattr(importlib.import_module(module), attribute)(batch, **options)

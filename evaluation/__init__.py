@@ -1,0 +1,1 @@
+"""The benchmark: policies over suites of frozen seeds, statistics, and the report."""
