@@ -42,6 +42,8 @@ class Args:
     """worlds stepped together (default: the recipe's)"""
     learning_rate: float | None = None
     """step size of the optimiser (default: the recipe's)"""
+    checkpoint_every: int | None = None
+    """frames between checkpoints (default: the recipe's)"""
     imitation_rounds: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
     """rounds of imitating the grid optimum first; 0 learns from reward alone (default: the recipe's)"""
 
@@ -54,7 +56,11 @@ def main() -> int:
 
     try:
         recipe = make_recipe(args.task, args.scenario, args.algorithm)
-        recipe = recipe.with_overrides(num_worlds=args.num_worlds, imitation_rounds=args.imitation_rounds)
+        recipe = recipe.with_overrides(
+            num_worlds=args.num_worlds,
+            imitation_rounds=args.imitation_rounds,
+            checkpoint_every=args.checkpoint_every,
+        )
         if args.learning_rate is not None:
             settings = {**recipe.algorithm_settings, "learning_rate": args.learning_rate}
             recipe = recipe.with_overrides(algorithm_settings=settings)

@@ -14,6 +14,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -22,23 +23,33 @@ import numba
 _STALE_AFTER_S = 7 * 86400.0
 
 
-def _fingerprint() -> str:
-    roots = [Path(__file__).parent, Path(__file__).parent.parent / "baselines"]
+def _fingerprint(package: str) -> str:
+    """A name for the sources of all kernels that a kernel of ``package`` may call."""
+    here = Path(__file__).parent
+    roots = [here] if package == here.name else [here, here.parent / package]
     digest = hashlib.sha256(f"{sys.version}{numba.__version__}".encode())
     for root in roots:
         for path in sorted(root.rglob("*.py")):
-            status = path.stat()
-            digest.update(f"{path}{status.st_size}{status.st_mtime_ns}".encode())
+            source = path.read_bytes()
+            if b"aquaquad_envs.compilation" in source:
+                digest.update(f"{path}{len(source)}".encode())
+                digest.update(source)
     return digest.hexdigest()[:16]
 
 
-def _cache_folder() -> str:
-    """The folder of compiled kernels; falls back to a user folder where the package is read-only."""
+@lru_cache
+def _cache_folder(package: str) -> str:
+    """The folder of compiled kernels, a user folder where the package is read-only.
+
+    The environment variable ``AQUAQUAD_KERNEL_CACHE`` names another place.
+    """
     beside = Path(__file__).parent / "__pycache__"
     home = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "aquaquad_envs"
-    for parent in (beside, home, Path(tempfile.gettempdir()) / "aquaquad_envs"):
+    chosen = os.environ.get("AQUAQUAD_KERNEL_CACHE")
+    fallback = Path(tempfile.gettempdir()) / "aquaquad_envs"
+    for parent in [Path(chosen)] if chosen else [beside, home, fallback]:
         try:
-            folder = parent / f"kernels-{_fingerprint()}"
+            folder = parent / f"kernels-{_fingerprint(package)}"
             folder.mkdir(parents=True, exist_ok=True)
             os.utime(folder)
             for old in parent.glob("kernels-*"):
@@ -49,9 +60,6 @@ def _cache_folder() -> str:
         if os.access(folder, os.W_OK):
             return str(folder)
     return ""
-
-
-_CACHE_DIR = _cache_folder()
 
 
 # Numba has the flag (its own parallel loops are compiled with it) but does not offer it by name.
@@ -68,7 +76,7 @@ except (ImportError, AttributeError):  # pragma: no cover
 
 def _compile(function: Callable[..., Any], **options: bool) -> Any:
     before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = _CACHE_DIR or before
+    numba.config.CACHE_DIR = _cache_folder(function.__module__.split(".")[0]) or before
     try:
         return numba.njit(function, cache=True, nogil=True, error_model="numpy", **options)
     finally:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import numbers
 from collections.abc import Iterable
 
 
@@ -49,7 +50,7 @@ def check_range(
     name: str, value: float, low: float, high: float, *, open_low: bool = False, remedy: str = ""
 ) -> None:
     """Raise ``InvalidParameterError`` unless ``low <= value <= high`` (``low <`` if ``open_low``)."""
-    number = isinstance(value, int | float) and not isinstance(value, bool)
+    number = isinstance(value, numbers.Real) and not isinstance(value, bool)  # NumPy's scalars too
     if not number or not (low < value if open_low else low <= value) or not value <= high:
         bracket = "(" if open_low else "["
         raise InvalidParameterError(name, value, f"a number in {bracket}{low:g}, {high:g}]", remedy)

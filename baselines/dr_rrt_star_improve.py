@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aquaquad_envs.compilation import kernel
+from aquaquad_envs.compilation import loop_kernel
 from aquaquad_envs.physics.randomness import normal, uniform
 from aquaquad_envs.physics.vehicle import drift_step
 from baselines.dr_rrt_star_tree import clear, drift_period, flight_clear, last_landing
@@ -22,6 +22,7 @@ from baselines.plan import DRIFT, HOP
 MAX_LANDINGS = 40
 LOOK_AHEAD = 10  # periods that a drift is followed beyond its best departure so far
 LEAST_GAIN_WH = 1e-4
+FRUITLESS_ROUNDS = 3  # of changes that gain nothing, after which a plan counts as good
 
 
 class Draft(NamedTuple):
@@ -45,7 +46,7 @@ class Draft(NamedTuple):
         )  # fmt: skip
 
 
-@kernel
+@loop_kernel
 def copy_draft(source, target):
     """Copy ``source`` over ``target``."""
     rows = source.count[0] + 1
@@ -60,7 +61,7 @@ def copy_draft(source, target):
         target.takeoff[i] = source.takeoff[i]
 
 
-@kernel
+@loop_kernel
 def _depart(m, draft, i):
     """Choose how long to drift from row ``i``: returns (cost, time) at the next landing or the arrival.
 
@@ -106,7 +107,7 @@ def _depart(m, draft, i):
     return best, best_time
 
 
-@kernel
+@loop_kernel
 def complete(m, draft, begin, changed, known, bound, steady):
     """Simulate ``draft`` from row ``begin`` on; fills its rows and total, returns the total cost, Wh.
 
@@ -143,7 +144,7 @@ def complete(m, draft, begin, changed, known, bound, steady):
     return np.inf
 
 
-@kernel
+@loop_kernel
 def _search_landing(m, best, trial, row, step, least_step, steady, budget):
     """Pattern search on one landing of ``best``; returns the evaluations left."""
     copy_draft(best, trial)
@@ -170,7 +171,7 @@ def _search_landing(m, best, trial, row, step, least_step, steady, budget):
     return budget
 
 
-@kernel
+@loop_kernel
 def _search_all(m, best, trial, step, least_step, steady, budget):
     """Sweep the pattern search over all landings until a sweep gains nothing."""
     while budget > 0:
@@ -183,7 +184,7 @@ def _search_all(m, best, trial, step, least_step, steady, budget):
     return budget
 
 
-@kernel
+@loop_kernel
 def _insert(draft, row, x, y):
     """Put a landing (x, y) before row ``row``."""
     for j in range(draft.count[0], row - 1, -1):
@@ -196,7 +197,7 @@ def _insert(draft, row, x, y):
     draft.takeoff[row] = 0
 
 
-@kernel
+@loop_kernel
 def _remove(draft, row):
     """Take landing ``row`` out."""
     for j in range(row, draft.count[0]):
@@ -206,7 +207,7 @@ def _remove(draft, row):
     draft.count[0] -= 1
 
 
-@kernel
+@loop_kernel
 def _departure(m, draft, row):
     """Where the flight after drift ``row`` takes off, and where it lands: (x0, y0, x1, y1)."""
     x = draft.x[row]
@@ -219,7 +220,7 @@ def _departure(m, draft, row):
     return x, y, gx, gy
 
 
-@kernel
+@loop_kernel
 def _restructure(m, best, trial, other, step, least_step, steady, budget, state):
     """Try to split every flight by a drift and to leave out every landing; returns the evaluations left."""
     row = 0
@@ -253,23 +254,24 @@ def _restructure(m, best, trial, other, step, least_step, steady, budget, state)
     return budget
 
 
-@kernel
+@loop_kernel
 def improve(m, best, trial, other, steady, budget, state):
     """Improve ``best`` with at most about ``budget`` simulated changes drawn from ``state``."""
     widest = 0.5 * m.max_hop
     finest = widest / 64.0
     budget = _search_all(m, best, trial, widest, finest, steady, budget)
-    while budget > 0:
-        left = budget
+    fruitless = 0
+    while budget > 0 and fruitless < FRUITLESS_ROUNDS:
+        before = best.total[0]
         budget = _restructure(m, best, trial, other, 0.5 * widest, finest, steady, budget, state)
-        budget = _search_all(m, best, trial, 0.25 * widest, finest, steady, budget)
-        if budget == left:
-            break
+        if best.total[0] < before:
+            budget = _search_all(m, best, trial, 0.25 * widest, finest, steady, budget)
+        fruitless = 0 if best.total[0] < before - 10.0 * LEAST_GAIN_WH else fruitless + 1
     return best.total[0]
 
 
-@kernel
-def draft_from_tree(tree, m, node, draft, steady):
+@loop_kernel
+def draft_from_tree(tree, m, node, draft):
     """Make ``draft`` of the landings that lead to ``node``, simulated; returns its cost, Wh."""
     n = 0
     at = node
@@ -293,7 +295,7 @@ def draft_from_tree(tree, m, node, draft, steady):
     return complete(m, draft, 0, n + 1, draft, np.inf, False)
 
 
-@kernel
+@loop_kernel
 def draft_legs(m, draft, legs, track):
     """Write the legs and the track (t, x, y) of a draft; returns (legs, track points, distance flown, m)."""
     n = 0
@@ -312,7 +314,7 @@ def draft_legs(m, draft, legs, track):
             legs[n]["t0"] = t
             begin = t
             for step in range(draft.takeoff[row] * m.steps):
-                x, y = drift_step(m.velocity, m.field, m.axes, m.time + t, x, y, dt, False)
+                x, y = drift_step(m.velocity, m.field, m.axes, m.time + t, x, y, dt, m.euler)
                 t = begin + (step + 1) * dt
                 track[points] = t, x, y
                 points += 1
@@ -346,7 +348,7 @@ def draft_legs(m, draft, legs, track):
     return n, points, flown
 
 
-@kernel
+@loop_kernel
 def improve_candidates(tree, m, nodes, draft, trial, other, best, steady, candidates, budget, state):
     """Improve the ``candidates`` most promising plans of the tree a little and the best of them well."""
     apart = 0.1 * m.half_width
@@ -366,7 +368,7 @@ def improve_candidates(tree, m, nodes, draft, trial, other, best, steady, candid
             continue
         chosen[n] = node
         n += 1
-        if np.isfinite(draft_from_tree(tree, m, node, draft, steady)):
+        if np.isfinite(draft_from_tree(tree, m, node, draft)):
             improve(m, draft, trial, other, steady, budget // (2 * candidates), state)
             if draft.total[0] < best.total[0]:
                 copy_draft(draft, best)

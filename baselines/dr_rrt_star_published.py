@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aquaquad_envs.compilation import kernel
+from aquaquad_envs.compilation import kernel, loop_kernel
 from aquaquad_envs.estimation.hdop import bearing_hdop
 from aquaquad_envs.physics.obstacles import clearance_at
 from aquaquad_envs.physics.randomness import uniform
@@ -83,7 +83,7 @@ def _bucket_of(m, x, y):
     return row, column
 
 
-@kernel
+@loop_kernel
 def _add(tree, m, count, x, y, parent, cost, hop):
     tree.x[count] = x
     tree.y[count] = y
@@ -100,7 +100,7 @@ def _add(tree, m, count, x, y, parent, cost, hop):
     tree.bucket[row, column] = count
 
 
-@kernel
+@loop_kernel
 def _nearest(tree, m, x, y, skip, found, squared):
     """The up to NEAREST nodes nearest to (x, y), nearest first, without node ``skip``; returns how many."""
     n = 0
@@ -134,7 +134,7 @@ def _nearest(tree, m, x, y, skip, found, squared):
     return n
 
 
-@kernel
+@loop_kernel
 def _place_cost(m, x, y):
     """K1 HDOP / 9000 + K2 distance / 14142 - K4, the published cost without its flight term."""
     hdop = 0.0
@@ -152,7 +152,7 @@ def _feasible(m, x, y):
     return inside_box(x, y, m.half_width) and clearance_at(m.clearance, m.layer, m.grid, x, y) >= 0.0
 
 
-@kernel
+@loop_kernel
 def _is_ancestor(tree, candidate, node):
     while True:
         if node == candidate:
@@ -162,7 +162,7 @@ def _is_ancestor(tree, candidate, node):
         node = tree.parent[node]
 
 
-@kernel
+@loop_kernel
 def _move(tree, node, parent, cost):
     """Make ``parent`` the parent of ``node`` by flight at ``cost``; passes the change to its descendants."""
     before = tree.parent[node]
@@ -191,7 +191,7 @@ def _move(tree, node, parent, cost):
         at = tree.next_sibling[at]
 
 
-@kernel
+@loop_kernel
 def _rewire(tree, m, newest, found, squared):
     n = _nearest(tree, m, tree.x[newest], tree.y[newest], newest, found, squared)
     for j in range(n):
@@ -207,7 +207,7 @@ def _rewire(tree, m, newest, found, squared):
             _move(tree, near, newest, cost)
 
 
-@kernel
+@loop_kernel
 def _flight_distance(tree, node):
     """Distance, m, flown from the root to ``node``, consecutive hops merged into straight flights."""
     total = 0.0
@@ -222,7 +222,7 @@ def _flight_distance(tree, node):
     return total
 
 
-@kernel
+@loop_kernel
 def _copy_path(tree, node, path):
     """Write the path root → ``node`` to ``path`` rows (x, y, hop); returns its length."""
     n = 1
@@ -239,8 +239,8 @@ def _copy_path(tree, node, path):
     return n
 
 
-@kernel
-def grow_published(tree, m, start_x, start_y, iterations, seeking, state, path, literal=False):
+@loop_kernel
+def grow_published(tree, m, start_x, start_y, iterations, seeking, state, path):
     """Run the published loop; returns (path length or 0, iterations done, arrivals).
 
     ``path`` (nodes, 3) receives x, y and whether the point was reached by flight.
@@ -295,7 +295,7 @@ def grow_published(tree, m, start_x, start_y, iterations, seeking, state, path, 
     return length, iterations, arrivals
 
 
-@kernel
+@loop_kernel
 def _hop(tree, m, count, found, squared, state):
     """Add the landing of one hop as node ``count``; False where the landing is not feasible."""
     target_x = m.goal_x
@@ -330,7 +330,7 @@ def _hop(tree, m, count, found, squared, state):
     return True
 
 
-@kernel
+@loop_kernel
 def published_legs(path, length, m, legs, track):
     """Legs and track (t, x, y) of a path; consecutive drift steps and consecutive hops merge.
 

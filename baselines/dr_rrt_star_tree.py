@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aquaquad_envs.compilation import kernel
+from aquaquad_envs.compilation import kernel, loop_kernel
 from aquaquad_envs.physics.obstacles import clearance_at
 from aquaquad_envs.physics.randomness import normal, uniform
 from aquaquad_envs.physics.vehicle import drift_step, inside_box
@@ -51,6 +51,7 @@ class Mission(NamedTuple):
     period: float  # s, one drift decision
     steps: int  # integration steps of a period
     coarse_steps: int  # the same in open water, 0: as many
+    euler: bool  # integrator: forward Euler, else Runge-Kutta
 
 
 class Sparse(NamedTuple):
@@ -95,7 +96,7 @@ def clear(m, x, y):
     return inside_box(x, y, m.half_width) and clearance_at(m.clearance, m.layer, m.grid, x, y) >= m.margin
 
 
-@kernel
+@loop_kernel
 def flight_clear(m, x0, y0, x1, y1):
     """Whether a flight may land where it has to: its equal pieces of at most the longest hop."""
     dx = x1 - x0
@@ -129,7 +130,7 @@ def _room(m, x, y):
     return min(room, np.sqrt((m.goal_x - x) ** 2 + (m.goal_y - y) ** 2) - m.goal_radius)
 
 
-@kernel
+@loop_kernel
 def drift_period(m, t, x, y):
     """Drift for one period from (x, y) at ``t`` s: (x, y, outcome, steps done).
 
@@ -145,7 +146,7 @@ def drift_period(m, t, x, y):
         for i in range(m.coarse_steps):
             from_x = x
             from_y = y
-            x, y = drift_step(m.velocity, m.field, m.axes, m.time + t + i * dt, x, y, dt, False)
+            x, y = drift_step(m.velocity, m.field, m.axes, m.time + t + i * dt, x, y, dt, m.euler)
             way = np.sqrt((x - from_x) ** 2 + (y - from_y) ** 2)
             room = min(room, _room(m, x, y))
             if room <= way:
@@ -157,7 +158,7 @@ def drift_period(m, t, x, y):
     y = y0
     dt = m.period / m.steps
     for i in range(m.steps):
-        x, y = drift_step(m.velocity, m.field, m.axes, m.time + t + i * dt, x, y, dt, False)
+        x, y = drift_step(m.velocity, m.field, m.axes, m.time + t + i * dt, x, y, dt, m.euler)
         if not clear(m, x, y):
             return x, y, -1, i + 1
         dx = m.goal_x - x
@@ -176,7 +177,7 @@ def _cell(tree, m, t, x, y):
     return min(int(t / TIME_BIN_S), tree.best_cost.shape[0] - 1), row, column
 
 
-@kernel
+@loop_kernel
 def _add_node(tree, m, node, x, y, t, cost, parent, takeoff, bound):
     """Add a landing and simulate its chain; returns the least cost of a plan that ends from it."""
     tree.parent[node] = parent
@@ -223,7 +224,7 @@ def _add_node(tree, m, node, x, y, t, cost, parent, takeoff, bound):
     return best
 
 
-@kernel
+@loop_kernel
 def _cheapest_departure(tree, m, x, y, reach, bound):
     """The chain point from which landing at (x, y) is cheapest: (cost, time, node, step), node -1: none."""
     cells = tree.best_cost.shape[1]
@@ -257,7 +258,7 @@ def _cheapest_departure(tree, m, x, y, reach, bound):
     return best, best_time, best_node, best_step
 
 
-@kernel
+@loop_kernel
 def _drift_back(tree, m, state):
     """Drift back in time from places in and around the goal.
 
@@ -280,12 +281,12 @@ def _drift_back(tree, m, state):
             tree.back_y[chain, column] = y
             for i in range(m.coarse_steps if m.coarse_steps > 0 else m.steps):
                 t = m.time + column * m.period + i * dt
-                x, y = drift_step(m.velocity, m.field, m.axes, t, x, y, dt, False)
+                x, y = drift_step(m.velocity, m.field, m.axes, t, x, y, dt, m.euler)
             column -= 1
         tree.back_begin[chain] = column + 1
 
 
-@kernel
+@loop_kernel
 def _connect(tree, m, node, step):
     """The cheapest landing on a backward drift from one chain point: (x, y, cost to the goal from there on)."""
     steady = m.velocity.shape[1] == 1
@@ -317,7 +318,7 @@ def _connect(tree, m, node, step):
     return best_x, best_y, best
 
 
-@kernel
+@loop_kernel
 def _sample(tree, m, nodes, best_node, state):
     """A landing to try: anywhere, near a landing of the best plan, or on from any chain."""
     choice = uniform(state)
@@ -340,7 +341,7 @@ def _sample(tree, m, nodes, best_node, state):
     return x, y
 
 
-@kernel
+@loop_kernel
 def grow(tree, m, start_x, start_y, iterations, reach, state):
     """Grow the tree by ``iterations`` samples from ``state``; returns the number of nodes."""
     tree.first[0] = 0

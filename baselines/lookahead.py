@@ -31,7 +31,7 @@ _LEVELS, _MOVES = 4, 3
 
 
 @kernel
-def best_drift(sea, tables, k, chart, x, y, t, period, periods, pieces):
+def best_drift(sea, values, landings, floats, k, chart, x, y, t, period, periods, pieces):
     """Least cost of drifting 1 ... ``periods`` periods and then flying, and that number of periods (0: none)."""
     best = np.inf
     wait = 0
@@ -51,7 +51,7 @@ def best_drift(sea, tables, k, chart, x, y, t, period, periods, pieces):
                 return best, wait
             if not safe:
                 return best, wait
-        cost, _ = best_flight(tables, k, chart, x, y, t + i * period)
+        cost, _ = best_flight(values, landings, floats, k, chart, x, y, t + i * period)
         if cost + price < best:
             best = cost + price
             wait = i
@@ -59,30 +59,30 @@ def best_drift(sea, tables, k, chart, x, y, t, period, periods, pieces):
 
 
 @kernel
-def value_at(sea, tables, k, chart, x, y, t, period, periods, pieces):
+def value_at(sea, values, landings, floats, k, chart, x, y, t, period, periods, pieces):
     """V at any place and time: the better of flying at once and of drifting first; inf outside open water."""
     if not open_water(sea, x, y):
         return np.inf
-    fly, _ = best_flight(tables, k, chart, x, y, t)
-    drift, _ = best_drift(sea, tables, k, chart, x, y, t, period, periods, pieces)
+    fly, _ = best_flight(values, landings, floats, k, chart, x, y, t)
+    drift, _ = best_drift(sea, values, landings, floats, k, chart, x, y, t, period, periods, pieces)
     return min(fly, drift)
 
 
 @kernel
-def values_at(sea, tables, k, chart, x, y, t, period, horizon, out):
+def values_at(sea, values, landings, floats, k, chart, x, y, t, period, horizon, out):
     """:func:`value_at` of many places and times."""
     for i in range(x.size):
         periods = max(int((horizon - t[i]) / period + 1e-9), 0)
-        out[i] = value_at(sea, tables, k, chart, x[i], y[i], t[i], period, periods, 2)
+        out[i] = value_at(sea, values, landings, floats, k, chart, x[i], y[i], t[i], period, periods, 2)
 
 
 @kernel
-def follow(sea, tables, k, chart, x, y, t, period, periods):
+def follow(sea, values, landings, floats, k, chart, x, y, t, period, periods):
     """Follow the plan from (x, y) at ``t``: metres flown and time of arrival, both inf without one."""
     flown = 0.0
     for _ in range(1000):
-        fly, landing = best_flight(tables, k, chart, x, y, t)
-        drift, wait = best_drift(sea, tables, k, chart, x, y, t, period, periods, 2)
+        fly, landing = best_flight(values, landings, floats, k, chart, x, y, t)
+        drift, wait = best_drift(sea, values, landings, floats, k, chart, x, y, t, period, periods, 2)
         if fly == np.inf and drift == np.inf:
             break
         if drift <= fly + 0.01:
@@ -98,7 +98,7 @@ def follow(sea, tables, k, chart, x, y, t, period, periods):
                 np.sqrt((x - chart.goal_x) ** 2 + (y - chart.goal_y) ** 2) - chart.goal_radius, 0.0
             )
             return flown + distance, t + flight_time(distance, chart.airspeed)
-        zx, zy, _ = meet(tables, k, landing, chart, x, y, t)
+        zx, zy, _ = meet(values, landings, floats, k, landing, chart, x, y, t)
         distance = np.sqrt((zx - x) ** 2 + (zy - y) ** 2)
         flown += distance
         t += flight_time(distance, chart.airspeed)
@@ -107,18 +107,18 @@ def follow(sea, tables, k, chart, x, y, t, period, periods):
 
 
 @kernel
-def _cost_of_landing(sea, tables, k, chart, x, y, t, zx, zy, min_hop, period, periods):
+def _cost_of_landing(sea, values, landings, floats, k, chart, x, y, t, zx, zy, min_hop, period, periods):
     """Cost of flying from (x, y) to (zx, zy) and drifting on from there; inf for a hop that is too short."""
     distance = np.sqrt((zx - x) ** 2 + (zy - y) ** 2)
     if distance < min_hop or not open_water(sea, zx, zy):
         return np.inf, 0
     arrival = t + flight_time(distance, chart.airspeed)
-    cost, wait = best_drift(sea, tables, k, chart, zx, zy, arrival, period, periods, 2)
+    cost, wait = best_drift(sea, values, landings, floats, k, chart, zx, zy, arrival, period, periods, 2)
     return distance + cost, wait
 
 
 @kernel
-def refine_landing(sea, tables, k, chart, x, y, t, zx, zy, min_hop, period, periods):
+def refine_landing(sea, values, landings, floats, k, chart, x, y, t, zx, zy, min_hop, period, periods):
     """Pattern search for the landing place of least cost about (zx, zy): the place and its cost."""
     distance = np.sqrt((zx - x) ** 2 + (zy - y) ** 2)
     best = np.inf
@@ -128,11 +128,15 @@ def refine_landing(sea, tables, k, chart, x, y, t, zx, zy, min_hop, period, peri
         for i in range(16):
             cx = x + 1.001 * min_hop * np.cos(i * np.pi / 8)
             cy = y + 1.001 * min_hop * np.sin(i * np.pi / 8)
-            cost, w = _cost_of_landing(sea, tables, k, chart, x, y, t, cx, cy, min_hop, period, periods)
+            cost, w = _cost_of_landing(
+                sea, values, landings, floats, k, chart, x, y, t, cx, cy, min_hop, period, periods
+            )
             if cost < best:
                 best, wait, zx, zy = cost, w, cx, cy
     else:
-        best, wait = _cost_of_landing(sea, tables, k, chart, x, y, t, zx, zy, min_hop, period, periods)
+        best, wait = _cost_of_landing(
+            sea, values, landings, floats, k, chart, x, y, t, zx, zy, min_hop, period, periods
+        )
         wait = wait if best < np.inf else periods
     step = chart.grid.spacing
     for _ in range(_LEVELS):
@@ -144,7 +148,20 @@ def refine_landing(sea, tables, k, chart, x, y, t, zx, zy, min_hop, period, peri
                 cx = ox + step * np.cos(i * np.pi / 4)
                 cy = oy + step * np.sin(i * np.pi / 4)
                 cost, w = _cost_of_landing(
-                    sea, tables, k, chart, x, y, t, cx, cy, min_hop, period, min(wait + 3, periods)
+                    sea,
+                    values,
+                    landings,
+                    floats,
+                    k,
+                    chart,
+                    x,
+                    y,
+                    t,
+                    cx,
+                    cy,
+                    min_hop,
+                    period,
+                    min(wait + 3, periods),
                 )
                 if cost < best:
                     best, wait, zx, zy = cost, w, cx, cy
@@ -182,7 +199,7 @@ def _hop_along(sea, chart, x, y, zx, zy, min_hop, shortest, longest, out):
 
 
 @kernel
-def _hop_anywhere(sea, tables, k, chart, x, y, t, min_hop, out):
+def _hop_anywhere(sea, values, landings, floats, k, chart, x, y, t, min_hop, out):
     """The hop, of 32 headings and 4 lengths, that is cheapest to go on from (by distance where V is inf)."""
     best = np.inf
     for i in range(128):
@@ -192,7 +209,7 @@ def _hop_anywhere(sea, tables, k, chart, x, y, t, min_hop, out):
         if not open_water(sea, x + dx, y + dy):
             continue
         arrival = t + flight_time(length, chart.airspeed)
-        cost, _ = best_flight(tables, k, chart, x + dx, y + dy, arrival)
+        cost, _ = best_flight(values, landings, floats, k, chart, x + dx, y + dy, arrival)
         if cost == np.inf:
             cost = 1e9 + np.sqrt((x + dx - chart.goal_x) ** 2 + (y + dy - chart.goal_y) ** 2)
         if length + cost < best:
@@ -201,15 +218,15 @@ def _hop_anywhere(sea, tables, k, chart, x, y, t, min_hop, out):
 
 
 @kernel
-def decide(sea, tables, k, chart, x, y, t, period, sub_steps, horizon, min_hop, out):
+def decide(sea, values, landings, floats, k, chart, x, y, t, period, sub_steps, horizon, min_hop, out):
     """Write the decision at (x, y) and mission time ``t`` into ``out``: (0, 0) to drift, else the hop."""
     out[:] = 0.0
     to_goal = np.sqrt((x - chart.goal_x) ** 2 + (y - chart.goal_y) ** 2)
     near = max(to_goal - (1.0 - _INSIDE) * chart.goal_radius, min_hop)
     far = to_goal + (1.0 - _INSIDE) * chart.goal_radius
     periods = max(int((horizon - t) / period + 1e-9), 0)
-    fly, landing = best_flight(tables, k, chart, x, y, t)
-    drift, wait = best_drift(sea, tables, k, chart, x, y, t, period, periods, sub_steps)
+    fly, landing = best_flight(values, landings, floats, k, chart, x, y, t)
+    drift, wait = best_drift(sea, values, landings, floats, k, chart, x, y, t, period, periods, sub_steps)
     # With the deadline at hand no more drifting: a steady value function knows of no deadline.
     late = horizon - t < flight_time(to_goal, chart.airspeed) + 2.0 * period
     if late and wait != 1:
@@ -218,20 +235,22 @@ def decide(sea, tables, k, chart, x, y, t, period, sub_steps, horizon, min_hop, 
         return
     zx, zy = chart.goal_x, chart.goal_y
     if landing >= 0:
-        zx, zy, _ = meet(tables, k, landing, chart, x, y, t)
-        if drifts_on(tables, k, landing):
-            zx, zy, cost = refine_landing(sea, tables, k, chart, x, y, t, zx, zy, min_hop, period, periods)
+        zx, zy, _ = meet(values, landings, floats, k, landing, chart, x, y, t)
+        if drifts_on(values, landings, floats, k, landing):
+            zx, zy, cost = refine_landing(
+                sea, values, landings, floats, k, chart, x, y, t, zx, zy, min_hop, period, periods
+            )
             if drift <= cost and drift < np.inf:
                 return
         near = far = np.sqrt((zx - x) ** 2 + (zy - y) ** 2)
     elif drift < near or (landing == NOWHERE and drift < np.inf):
         return
     if far < 1e-6 or not _hop_along(sea, chart, x, y, zx, zy, min_hop, near, far, out):
-        _hop_anywhere(sea, tables, k, chart, x, y, t, min_hop, out)
+        _hop_anywhere(sea, values, landings, floats, k, chart, x, y, t, min_hop, out)
 
 
 @kernel
-def decide_all(worlds, fields, slots, tables, scalars, ocean, vehicle, actions):
+def decide_all(worlds, fields, slots, values, landings, floats, scalars, ocean, vehicle, actions):
     """Decide for every running world; ``slots`` says which value function is a world's own.
 
     ``scalars``: a Chart (its goal is not read); ``vehicle``: (half width, period, sub-steps, horizon,
@@ -253,6 +272,6 @@ def decide_all(worlds, fields, slots, tables, scalars, ocean, vehicle, actions):
             scalars.time_step, scalars.end, scalars.price,
         )  # fmt: skip
         decide(
-            sea, tables, slots[i], chart, w.x, w.y, w.time_s, period, sub_steps, horizon, min_hop,
+            sea, values, landings, floats, slots[i], chart, w.x, w.y, w.time_s, period, sub_steps, horizon, min_hop,
             actions[i],
         )  # fmt: skip

@@ -112,7 +112,7 @@ class Optimal:
             float(params.horizon_s), float(shortest), self._solver.euler,
         )  # fmt: skip
         lookahead.decide_all(
-            worlds, worlds[self.field], self._slots, self._tables, self._chart,
+            worlds, worlds[self.field], self._slots, *self._tables, self._chart,
             self.batch.ocean, vehicle, actions,
         )  # fmt: skip
         return actions

@@ -14,13 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aquaquad_envs.compilation import kernel
+from aquaquad_envs.compilation import kernel, loop_kernel
 
 DRIFT, HOP = 0, 1
 #: One leg: kind (DRIFT or HOP), from (x0, y0) at t0 to (x1, y1) at t1; m, s since the plan's start.
-LEG = np.dtype(
-    [("kind", np.int64)] + [(name, np.float64) for name in ("x0", "y0", "x1", "y1", "t0", "t1")]
-)
+LEG = np.dtype([("kind", np.int64)] + [(name, np.float64) for name in ("x0", "y0", "x1", "y1", "t0", "t1")])
 
 FOLLOWING, NEEDS_PLAN = 0, 1
 
@@ -148,7 +146,9 @@ class PlanFollower:
             getattr(new, name)[tuple(slice(size) for size in before.shape)] = before
         self._arrays = new
 
-    def act(self, x: np.ndarray, y: np.ndarray, time_s: np.ndarray, running: np.ndarray, actions: np.ndarray) -> None:
+    def act(
+        self, x: np.ndarray, y: np.ndarray, time_s: np.ndarray, running: np.ndarray, actions: np.ndarray
+    ) -> None:
         """Write ``actions`` (worlds, 2) and ``self.status`` for running worlds at (x, y), m, and time, s."""
         _follow(self._arrays, self.settings, x, y, time_s, running, self.status, actions)
 
@@ -165,7 +165,7 @@ def _expected_positions(plan: Plan, period: float) -> tuple[np.ndarray, np.ndarr
     return (np.concatenate(points) if points else np.empty((0, 2))), np.array(first)
 
 
-@kernel
+@loop_kernel
 def _follow(plans, settings, x, y, time, running, status, actions):
     for i in range(x.size):
         actions[i, 0] = 0.0
@@ -177,7 +177,7 @@ def _follow(plans, settings, x, y, time, running, status, actions):
         _follow_one(i, plans, settings, x[i], y[i], time[i], status, actions)
 
 
-@kernel
+@loop_kernel
 def _follow_one(i, plans, settings, x, y, time, status, actions):
     while plans.leg[i] < plans.count[i]:
         number = plans.leg[i]
@@ -203,13 +203,18 @@ def _follow_one(i, plans, settings, x, y, time, status, actions):
         elapsed = time - plans.started[i]
         duration = leg["t1"] - leg["t0"]
         if elapsed + 0.5 * settings.period > duration:
-            if number + 1 < plans.count[i] and _distance(x - leg["x1"], y - leg["y1"]) <= settings.watch_radius:
+            if (
+                number + 1 < plans.count[i]
+                and _distance(x - leg["x1"], y - leg["y1"]) <= settings.watch_radius
+            ):
                 plans.leg[i] += 1
                 continue
             if elapsed > duration + settings.patience:
                 status[i] = NEEDS_PLAN
             return
-        step = min(int(elapsed / settings.period + 0.5), plans.first[i, number + 1] - plans.first[i, number] - 1)
+        step = min(
+            int(elapsed / settings.period + 0.5), plans.first[i, number + 1] - plans.first[i, number] - 1
+        )
         planned = plans.expected[i, plans.first[i, number] + step]
         if _distance(x - planned[0], y - planned[1]) > settings.deviation:
             status[i] = NEEDS_PLAN

@@ -23,8 +23,6 @@ from aquaquad_envs.physics.vehicle import drift_step, flight_time, inside_box
 
 #: A landing place is the goal disc (-1), none known (-2), a node (row << 15 | column) or a float (FLOAT + i).
 GOAL, NOWHERE, FLOAT = -1, -2, 1 << 30
-#: States of a float in a slice: none; goes no further; drifts to the next slice; arrives on the way there.
-EMPTY, ENDS, DRIFTS, ARRIVES = 0, 1, 2, 3
 
 
 class Sea(NamedTuple):
@@ -66,9 +64,7 @@ class Tables(NamedTuple):
 
     values: np.ndarray  # float32 (k, frames, rows, columns): V at the nodes, m
     landings: np.ndarray  # int32, same shape: landing place of the best flight
-    spots: np.ndarray  # float32 (k, frames, floats, 2): where the floats are, m
-    worths: np.ndarray  # float32 (k, frames, floats): V of a float that goes on drifting, m
-    states: np.ndarray  # int8, same shape
+    floats: np.ndarray  # float32 (k, frames, floats, 3): x, y, m, and V of a float that drifts on (inf: none)
 
 
 @kernel
@@ -119,9 +115,8 @@ def drift_for(sea, x, y, t, duration):
 
 
 @kernel
-def place_of(tables, k, landing, chart, t):
+def place_of(values, landings, floats, k, landing, chart, t):
     """Where a landing place lies at time ``t`` and what V is there: (x, y, V); V is inf where there is none."""
-    values = tables.values
     frames = values.shape[1]
     frame = 0
     f = 0.0
@@ -134,11 +129,12 @@ def place_of(tables, k, landing, chart, t):
     if landing >= FLOAT:
         # A float moves, and keeps its V until it is left at the end of the slice or later.
         i = landing - FLOAT
-        if tables.states[k, frame, i] < DRIFTS:
-            return 0.0, 0.0, np.inf
-        x0, y0 = np.float64(tables.spots[k, frame, i, 0]), np.float64(tables.spots[k, frame, i, 1])
-        x1, y1 = np.float64(tables.spots[k, frame + 1, i, 0]), np.float64(tables.spots[k, frame + 1, i, 1])
-        return x0 + f * (x1 - x0), y0 + f * (y1 - y0), np.float64(tables.worths[k, frame, i])
+        worth = np.float64(floats[k, frame, i, 2])
+        if worth == np.inf:
+            return 0.0, 0.0, worth
+        x0, y0 = np.float64(floats[k, frame, i, 0]), np.float64(floats[k, frame, i, 1])
+        x1, y1 = np.float64(floats[k, frame + 1, i, 0]), np.float64(floats[k, frame + 1, i, 1])
+        return x0 + f * (x1 - x0), y0 + f * (y1 - y0), worth
     row, column = landing >> 15, landing & 0x7FFF
     value = np.float64(values[k, frame, row, column])
     if f > 0.0:
@@ -148,24 +144,26 @@ def place_of(tables, k, landing, chart, t):
 
 
 @kernel
-def meet(tables, k, landing, chart, x, y, t):
+def meet(values, landings, floats, k, landing, chart, x, y, t):
     """Where a flight that leaves (x, y) at ``t`` meets its landing place, which may move: (x, y, V there)."""
-    zx, zy, value = place_of(tables, k, landing, chart, t)
-    if tables.values.shape[1] > 1:
+    zx, zy, value = place_of(values, landings, floats, k, landing, chart, t)
+    if values.shape[1] > 1:
         distance = np.sqrt((zx - x) ** 2 + (zy - y) ** 2)
-        zx, zy, value = place_of(tables, k, landing, chart, t + flight_time(distance, chart.airspeed))
+        zx, zy, value = place_of(
+            values, landings, floats, k, landing, chart, t + flight_time(distance, chart.airspeed)
+        )
     return zx, zy, value
 
 
 @kernel
-def value_of_flight(tables, k, landing, chart, x, y, t):
+def value_of_flight(values, landings, floats, k, landing, chart, x, y, t):
     """Cost, m, of flying at time ``t`` from (x, y) to ``landing`` and going on from there."""
     if landing == NOWHERE:
         return np.inf
     if landing == GOAL:
         distance = max(np.sqrt((x - chart.goal_x) ** 2 + (y - chart.goal_y) ** 2) - chart.goal_radius, 0.0)
         return distance if t + flight_time(distance, chart.airspeed) <= chart.end else np.inf
-    zx, zy, value = meet(tables, k, landing, chart, x, y, t)
+    zx, zy, value = meet(values, landings, floats, k, landing, chart, x, y, t)
     return np.sqrt((zx - x) ** 2 + (zy - y) ** 2) + value
 
 
@@ -178,26 +176,26 @@ def cell_of(grid, rows, columns, x, y):
 
 
 @kernel
-def drifts_on(tables, k, landing):
+def drifts_on(values, landings, floats, k, landing):
     """Whether the plan drifts from a landing place (a node or a float) on, and does not fly on at once."""
-    if landing >= FLOAT or tables.values.shape[1] > 1:
+    if landing >= FLOAT or values.shape[1] > 1:
         return landing >= FLOAT
-    return tables.landings[k, 0, landing >> 15, landing & 0x7FFF] == landing
+    return landings[k, 0, landing >> 15, landing & 0x7FFF] == landing
 
 
 @kernel
-def best_flight(tables, k, chart, x, y, t):
+def best_flight(values, landings, floats, k, chart, x, y, t):
     """Least cost of a flight from (x, y) at ``t`` and its landing place, over the four corners' own."""
-    _, frames, rows, columns = tables.values.shape
+    _, frames, rows, columns = values.shape
     frame = min(int(t / chart.time_step + 1e-6), frames - 1) if frames > 1 else 0
     row, column, _, _ = cell_of(chart.grid, rows, columns, x, y)
     best = np.inf
     chosen = NOWHERE
     last = NOWHERE
     for corner in range(4):
-        landing = tables.landings[k, frame, row + corner // 2, column + corner % 2]
+        landing = landings[k, frame, row + corner // 2, column + corner % 2]
         if landing != last:
-            cost = value_of_flight(tables, k, landing, chart, x, y, t)
+            cost = value_of_flight(values, landings, floats, k, landing, chart, x, y, t)
             if cost < best:
                 best = cost
                 chosen = landing
@@ -206,29 +204,29 @@ def best_flight(tables, k, chart, x, y, t):
 
 
 @kernel
-def offer(tables, k, frame, chart, blocked, over, row, column, landing, run, t):
+def offer(values, landings, floats, k, frame, chart, blocked, over, row, column, landing, run, t):
     """Take ``landing`` for a node if it is cheaper; ``run`` is the blocked stretch flown over to get here."""
     if run > chart.max_hop:
         return
     x = chart.grid.x0 + chart.grid.spacing * column
     y = chart.grid.y0 + chart.grid.spacing * row
-    cost = value_of_flight(tables, k, landing, chart, x, y, t)
-    if cost < tables.values[k, frame, row, column] - 1e-3:
-        tables.values[k, frame, row, column] = cost
-        tables.landings[k, frame, row, column] = landing
+    cost = value_of_flight(values, landings, floats, k, landing, chart, x, y, t)
+    if cost < values[k, frame, row, column] - 1e-3:
+        values[k, frame, row, column] = cost
+        landings[k, frame, row, column] = landing
         over[row, column] = run if blocked[row, column] else 0.0
 
 
 @kernel
-def spread_flights(tables, k, frame, chart, blocked, any_blocked, over, rounds):
+def spread_flights(values, landings, floats, k, frame, chart, blocked, any_blocked, over, rounds):
     """Propagate landing places from node to node until ``rounds`` sweeps in four directions are done.
 
     A flight may pass over an obstacle, but lands every ``max_hop`` at the latest: ``over`` carries the
     length of the blocked stretch under a node, and a longer stretch ends the propagation. Nodes in
     obstacles only pass flights on; they are no landing places (their value is not V).
     """
-    rows, columns = tables.values.shape[2], tables.values.shape[3]
-    t = frame * chart.time_step if tables.values.shape[1] > 1 else 0.0
+    rows, columns = values.shape[2], values.shape[3]
+    t = frame * chart.time_step if values.shape[1] > 1 else 0.0
     for sweep in range(4 * rounds):
         up = 1 if sweep % 4 < 2 else -1
         right = 1 if sweep % 2 == 0 else -1
@@ -236,17 +234,31 @@ def spread_flights(tables, k, frame, chart, blocked, any_blocked, over, rounds):
             row = i if up == 1 else rows - 1 - i
             for j in range(columns):
                 column = j if right == 1 else columns - 1 - j
-                own = tables.landings[k, frame, row, column]
+                own = landings[k, frame, row, column]
                 if sweep == 0 and own >= 0 and own != pack(row, column):
                     # The landing place may have become cheaper since it was chosen.
-                    offer(tables, k, frame, chart, blocked, over, row, column, own, over[row, column], t)
+                    offer(
+                        values,
+                        landings,
+                        floats,
+                        k,
+                        frame,
+                        chart,
+                        blocked,
+                        over,
+                        row,
+                        column,
+                        own,
+                        over[row, column],
+                        t,
+                    )
                 for n in range(4):
                     # The row already swept (three neighbours) and the node just swept.
                     r = row if n == 3 else row - up
                     c = column - right if n == 3 else column + n - 1
                     if r < 0 or r >= rows or c < 0 or c >= columns:
                         continue
-                    landing = tables.landings[k, frame, r, c]
+                    landing = landings[k, frame, r, c]
                     if landing == NOWHERE:
                         continue
                     run = 0.0
@@ -255,23 +267,51 @@ def spread_flights(tables, k, frame, chart, blocked, any_blocked, over, rounds):
                             (row - r) ** 2.0 + (column - c) ** 2.0
                         )
                     if landing != own:
-                        offer(tables, k, frame, chart, blocked, over, row, column, landing, run, t)
+                        offer(
+                            values,
+                            landings,
+                            floats,
+                            k,
+                            frame,
+                            chart,
+                            blocked,
+                            over,
+                            row,
+                            column,
+                            landing,
+                            run,
+                            t,
+                        )
                     if any_blocked and not blocked[r, c]:
                         # Round a corner: land at the neighbour and fly on from there.
-                        offer(tables, k, frame, chart, blocked, over, row, column, pack(r, c), run, t)
-                    own = tables.landings[k, frame, row, column]
+                        offer(
+                            values,
+                            landings,
+                            floats,
+                            k,
+                            frame,
+                            chart,
+                            blocked,
+                            over,
+                            row,
+                            column,
+                            pack(r, c),
+                            run,
+                            t,
+                        )
+                    own = landings[k, frame, row, column]
 
 
 @kernel
-def seed_goal(tables, k, frame, chart, blocked, over, t):
+def seed_goal(values, landings, floats, k, frame, chart, blocked, over, t):
     """Nodes within one hop of the goal fly to it directly."""
-    for row in range(tables.values.shape[2]):
-        for column in range(tables.values.shape[3]):
+    for row in range(values.shape[2]):
+        for column in range(values.shape[3]):
             x = chart.grid.x0 + chart.grid.spacing * column
             y = chart.grid.y0 + chart.grid.spacing * row
             distance = np.sqrt((x - chart.goal_x) ** 2 + (y - chart.goal_y) ** 2)
             if distance <= chart.max_hop and not blocked[row, column]:
-                offer(tables, k, frame, chart, blocked, over, row, column, GOAL, 0.0, t)
+                offer(values, landings, floats, k, frame, chart, blocked, over, row, column, GOAL, 0.0, t)
 
 
 @kernel

@@ -78,7 +78,7 @@ class ValueFunction:
         x, y, t = np.broadcast_arrays(*(np.asarray(value, dtype=np.float64) for value in (x, y, time_s)))
         out = np.empty(x.size)
         lookahead.values_at(
-            self.sea, self.tables, 0, self.chart,
+            self.sea, *self.tables, 0, self.chart,
             x.ravel(), y.ravel(), t.ravel(), self.step_s, self.problem.horizon_s, out,
         )  # fmt: skip
         return out.reshape(x.shape)
@@ -91,7 +91,7 @@ class ValueFunction:
         """Metres flown and duration, s, of the plan from the problem's start (landing on nodes)."""
         periods = int(self.problem.horizon_s / self.step_s + 1e-9)
         return lookahead.follow(
-            self.sea, self.tables, 0, self.chart,
+            self.sea, *self.tables, 0, self.chart,
             float(self.problem.start[0]), float(self.problem.start[1]), 0.0, self.step_s, periods,
         )  # fmt: skip
 
@@ -201,8 +201,8 @@ def _fixed_point(problem: DriftHopProblem, drift: DriftTables, tolerance_m: floa
     tables = _empty_tables(1, blocked.shape, 0)
     over = np.zeros(blocked.shape, dtype=np.float32)
     before = np.full(blocked.shape, np.nan, dtype=np.float32)
-    seed_goal(tables, 0, 0, chart, blocked, over, 0.0)
-    spread_flights(tables, 0, 0, chart, blocked, drift.any_blocked, over, 2)
+    seed_goal(*tables, 0, 0, chart, blocked, over, 0.0)
+    spread_flights(*tables, 0, 0, chart, blocked, drift.any_blocked, over, 2)
     change, iterations = np.inf, 0
     while change >= tolerance_m:
         if iterations == _MAX_ITERATIONS:
@@ -212,10 +212,10 @@ def _fixed_point(problem: DriftHopProblem, drift: DriftTables, tolerance_m: floa
             )
         changed = np.uint64(value_steady.changed_blocks(drift.sea, grid, before, tables.values, 0))
         change = value_steady.relax_drift(
-            tables, 0, chart, over, drift.paths, drift.counts, drift.sample_s, drift.stride, drift.visits,
+            *tables, 0, chart, over, drift.paths, drift.counts, drift.sample_s, drift.stride, drift.visits,
             changed,
         )  # fmt: skip
-        spread_flights(tables, 0, 0, chart, blocked, drift.any_blocked, over, 1)
+        spread_flights(*tables, 0, 0, chart, blocked, drift.any_blocked, over, 1)
         iterations += 1
     # Nodes in obstacles hold the cost of passing over them, which is no V.
     tables.values[:, :, blocked] = np.inf
@@ -241,8 +241,10 @@ def solve_timed(
     blocked = np.zeros((side, side), dtype=bool)
     any_blocked = blocked_nodes(sea, grid, blocked)
     over = np.zeros((side, side), dtype=np.float32)
-    value_timed.release_floats(sea, tables, 0, chart, blocked, np.zeros((side, side), dtype=np.int32))
-    value_timed.sweep_back(tables, 0, chart, blocked, any_blocked, over)
+    states = np.zeros(tables.floats.shape[1:3], dtype=np.int8)
+    near = np.zeros((side, side), dtype=np.int32)
+    value_timed.release_floats(sea, tables.floats, states, 0, chart, blocked, near)
+    value_timed.sweep_back(*tables, states, 0, chart, blocked, any_blocked, over)
     tables.values[:, :, blocked] = np.inf
     return ValueFunction(
         tables=tables, grid=grid, times_s=step * np.arange(frames), iterations=1, change_m=0.0, step_s=step,
@@ -254,7 +256,5 @@ def _empty_tables(frames: int, shape: tuple[int, ...], floats: int) -> Tables:
     return Tables(
         values=np.full((1, frames, *shape), np.inf, dtype=np.float32),
         landings=np.full((1, frames, *shape), NOWHERE, dtype=np.int32),
-        spots=np.zeros((1, frames, floats, 2), dtype=np.float32),
-        worths=np.full((1, frames, floats), np.inf, dtype=np.float32),
-        states=np.zeros((1, frames, floats), dtype=np.int8),
+        floats=np.full((1, frames, floats, 3), np.inf, dtype=np.float32),
     )

@@ -66,18 +66,18 @@ def drift_paths(sea, grid, sample_s, paths, counts, visits):
 
 
 @kernel
-def at_least(tables, k, chart, x, y):
+def at_least(values, landings, floats, k, chart, x, y):
     """A lower estimate of V of a steady field at (x, y): V has slope 1 at most."""
-    row, column, fx, fy = cell_of(chart.grid, tables.values.shape[2], tables.values.shape[3], x, y)
+    row, column, fx, fy = cell_of(chart.grid, values.shape[2], values.shape[3], x, y)
     right, up = int(fx > 0.5), int(fy > 0.5)
-    value = np.float64(tables.values[k, 0, row + up, column + right])
+    value = np.float64(values[k, 0, row + up, column + right])
     if value == np.inf:
         return -np.inf
     return value - chart.grid.spacing * np.sqrt((fx - right) ** 2 + (fy - up) ** 2)
 
 
 @kernel
-def relax_drift(tables, k, chart, over, paths, counts, sample_s, stride, visits, changed):
+def relax_drift(values, landings, floats, k, chart, over, paths, counts, sample_s, stride, visits, changed):
     """Steady field: let every node drift, then fly (or arrive); returns the greatest decrease of V, m.
 
     A node whose drift pays becomes its own landing place. ``stride`` is the longest way between two
@@ -85,11 +85,11 @@ def relax_drift(tables, k, chart, over, paths, counts, sample_s, stride, visits,
     whose drift visits no block of the box where V ``changed`` since the last time.
     """
     greatest = 0.0
-    for row in range(tables.values.shape[2]):
-        for column in range(tables.values.shape[3]):
+    for row in range(values.shape[2]):
+        for column in range(values.shape[3]):
             if visits[row, column] & changed == 0:
                 continue
-            best = np.float64(tables.values[k, 0, row, column])
+            best = np.float64(values[k, 0, row, column])
             before = best
             i = 0
             while i < counts[row, column]:
@@ -111,11 +111,11 @@ def relax_drift(tables, k, chart, over, paths, counts, sample_s, stride, visits,
                     best = price
                     break
                 # One look-up settles most samples: V here is at least V at the next node less the way there.
-                gap = at_least(tables, k, chart, x, y) + price - best
+                gap = at_least(values, landings, floats, k, chart, x, y) + price - best
                 if gap >= 0.0:
                     i += 1 + int(min(gap / stride, 1e6))
                     continue
-                cost, _ = best_flight(tables, k, chart, x, y, 0.0)
+                cost, _ = best_flight(values, landings, floats, k, chart, x, y, 0.0)
                 if cost + price < best - 1e-3:
                     best = cost + price
                     i += 1
@@ -123,7 +123,7 @@ def relax_drift(tables, k, chart, over, paths, counts, sample_s, stride, visits,
                     i += 1 + int(min((cost + price - best) / stride, 1e6))
             if best < before - 1e-3:
                 greatest = max(greatest, before - best)
-                tables.values[k, 0, row, column] = best
-                tables.landings[k, 0, row, column] = pack(row, column)
+                values[k, 0, row, column] = best
+                landings[k, 0, row, column] = pack(row, column)
                 over[row, column] = 0.0
     return greatest

@@ -12,10 +12,6 @@ import numpy as np
 
 from aquaquad_envs.compilation import kernel
 from baselines.value_function import (
-    ARRIVES,
-    DRIFTS,
-    EMPTY,
-    ENDS,
     FLOAT,
     NOWHERE,
     best_flight,
@@ -27,6 +23,8 @@ from baselines.value_function import (
     spread_flights,
 )
 
+#: States of a float in a slice: none; goes no further; drifts to the next slice; arrives on the way there.
+EMPTY, ENDS, DRIFTS, ARRIVES = 0, 1, 2, 3
 #: Floats about one node above which further ones are given up.
 _CROWDED = 3
 #: Straight pieces that a slice of drift is looked at in when the goal is near.
@@ -34,19 +32,19 @@ _PIECES = 2
 
 
 @kernel
-def release_floats(sea, tables, k, chart, blocked, near):
+def release_floats(sea, floats, states, k, chart, blocked, near):
     """Drift floats forward through all slices; ``near`` (rows, columns) int32 is scratch.
 
-    Fills ``spots`` and ``states``. A float ends where it leaves the box or meets an obstacle.
+    Fills the places in ``floats`` and ``states`` (frames, floats) int8. A float ends where it leaves the box or meets an obstacle.
     """
     rows, columns = blocked.shape
-    frames, floats = tables.states.shape[1], tables.states.shape[2]
-    states, spots = tables.states[k], tables.spots[k]
+    frames, size = states.shape
+    spots = floats[k]
     grid = chart.grid
     states[:] = EMPTY
     for frame in range(frames):
         near[:] = 0
-        for i in range(floats):
+        for i in range(size):
             if states[frame, i] == ENDS and frame > 0 and states[frame - 1, i] == DRIFTS:
                 column = int(np.floor((spots[frame, i, 0] - grid.x0) / grid.spacing + 0.5))
                 row = int(np.floor((spots[frame, i, 1] - grid.y0) / grid.spacing + 0.5))
@@ -58,13 +56,13 @@ def release_floats(sea, tables, k, chart, blocked, near):
             for column in range(columns):
                 if near[row, column] or blocked[row, column]:
                     continue
-                while free < floats and states[frame, free] != EMPTY:
+                while free < size and states[frame, free] != EMPTY:
                     free += 1
-                if free < floats:
+                if free < size:
                     spots[frame, free, 0] = grid.x0 + grid.spacing * column
                     spots[frame, free, 1] = grid.y0 + grid.spacing * row
                     states[frame, free] = DRIFTS
-        for i in range(floats):
+        for i in range(size):
             if states[frame, i] != DRIFTS:
                 continue
             if frame == frames - 1:
@@ -89,41 +87,54 @@ def release_floats(sea, tables, k, chart, blocked, near):
 
 
 @kernel
-def sweep_back(tables, k, chart, blocked, any_blocked, over):
+def sweep_back(values, landings, floats, states, k, chart, blocked, any_blocked, over):
     """Fill all slices from the last to the first (after :func:`release_floats`)."""
     rows, columns = blocked.shape
-    values, landings = tables.values[k], tables.landings[k]
-    states, spots, worths = tables.states[k], tables.spots[k], tables.worths[k]
-    last = values.shape[0] - 1
+    last = values.shape[1] - 1
+    spots = floats[k]
     price = chart.price * chart.time_step
     for back in range(last + 1):
         frame = last - back
         t = frame * chart.time_step
-        values[frame] = np.inf
-        landings[frame] = NOWHERE
-        worths[frame] = np.inf
-        seed_goal(tables, k, frame, chart, blocked, over, t)
+        values[k, frame] = np.inf
+        landings[k, frame] = NOWHERE
+        spots[frame, :, 2] = np.inf
+        seed_goal(values, landings, floats, k, frame, chart, blocked, over, t)
         if back > 0:
             # Slices resemble each other: begin with the landing places of the next one.
             for row in range(rows):
                 for column in range(columns):
-                    earlier = landings[frame + 1, row, column]
+                    earlier = landings[k, frame + 1, row, column]
                     if earlier != NOWHERE:
                         run = over[row, column]
-                        offer(tables, k, frame, chart, blocked, over, row, column, earlier, run, t)
+                        offer(
+                            values,
+                            landings,
+                            floats,
+                            k,
+                            frame,
+                            chart,
+                            blocked,
+                            over,
+                            row,
+                            column,
+                            earlier,
+                            run,
+                            t,
+                        )
         for i in range(states.shape[1]):
             if states[frame, i] == ARRIVES:
-                worths[frame, i] = price
+                spots[frame, i, 2] = price
             elif states[frame, i] == DRIFTS:
                 x, y = np.float64(spots[frame + 1, i, 0]), np.float64(spots[frame + 1, i, 1])
-                cost, _ = best_flight(tables, k, chart, x, y, t + chart.time_step)
-                worths[frame, i] = price + min(cost, np.float64(worths[frame + 1, i]))
-            if worths[frame, i] == np.inf:
+                cost, _ = best_flight(values, landings, floats, k, chart, x, y, t + chart.time_step)
+                spots[frame, i, 2] = price + min(cost, np.float64(spots[frame + 1, i, 2]))
+            if spots[frame, i, 2] == np.inf:
                 continue
             x, y = np.float64(spots[frame, i, 0]), np.float64(spots[frame, i, 1])
             row, column, _, _ = cell_of(chart.grid, rows, columns, x, y)
             for corner in range(4):
                 r, c = row + corner // 2, column + corner % 2
                 run = chart.grid.spacing if blocked[r, c] else 0.0
-                offer(tables, k, frame, chart, blocked, over, r, c, FLOAT + i, run, t)
-        spread_flights(tables, k, frame, chart, blocked, any_blocked, over, 1)
+                offer(values, landings, floats, k, frame, chart, blocked, over, r, c, FLOAT + i, run, t)
+        spread_flights(values, landings, floats, k, frame, chart, blocked, any_blocked, over, 1)

@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
@@ -17,14 +20,14 @@ from aquaquad_envs.rendering import make_renderer  # noqa: E402
 from baselines.optimal import Optimal  # noqa: E402
 
 
-def draw_episode(path: Path, seed: int, **params: object) -> str:
+def draw_episode(path: Path, seed: int, **params: Any) -> str:
     """Save the last picture of an episode of the policy ``optimal``; returns its outcome in words."""
     import pygame
 
     batch = make_world_batch("drift-hop", 1, **params)
     policy = Optimal(batch)
     batch.reset(seed)
-    policy.reset([seed])
+    policy.reset(np.array([seed]))
     renderer = make_renderer(batch, "rgb_array", fps=10)
     picture = renderer.draw(batch.worlds[0])
     while not (batch.terminated | batch.truncated)[0]:

@@ -43,7 +43,7 @@ def interval(values: np.ndarray, statistic: Callable[..., Any] = np.mean) -> Int
             warnings.simplefilter("ignore")
             found = bootstrap(
                 (values,), statistic, n_resamples=RESAMPLES, confidence_level=_LEVEL, vectorized=True,
-                method=method, rng=np.random.default_rng(SEED),
+                method=method, random_state=np.random.default_rng(SEED),
             ).confidence_interval  # fmt: skip
         if np.isfinite([found.low, found.high]).all():
             break

@@ -12,9 +12,9 @@ from importlib import metadata
 NEEDS = {
     "aquaquad_envs.interfaces.sb3": {"stable_baselines3"},
     "agents": {"rich", "safetensors", "stable_baselines3", "torch", "tyro"},
-    "evaluation": {"matplotlib", "rich", "safetensors", "stable_baselines3", "torch", "tyro"},
+    "evaluation": {"PIL", "matplotlib", "rich", "safetensors", "stable_baselines3", "torch", "tyro"},
     "train": {"rich", "safetensors", "stable_baselines3", "torch", "tyro"},
-    "evaluate": {"matplotlib", "rich", "safetensors", "stable_baselines3", "torch", "tyro"},
+    "evaluate": {"PIL", "matplotlib", "rich", "safetensors", "stable_baselines3", "torch", "tyro"},
 }
 PACKAGES = ("aquaquad_envs", "baselines", "agents", "evaluation")
 

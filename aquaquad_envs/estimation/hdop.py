@@ -35,6 +35,7 @@ def bearing_hdop(x, y, team, target_x, target_y):
         b -= dx * dy / (r2 * r2)
         d += dx * dx / (r2 * r2)
     determinant = a * d - b * b
-    if determinant <= 1e-12 * a * d or determinant <= 0.0:
+    # Written so that NaN (weights that overflow, a sensor all but on the target) is singular too.
+    if not determinant > 1e-12 * a * d:
         return np.inf
     return np.sqrt((a + d) / determinant)

@@ -8,7 +8,7 @@ import gymnasium
 import numpy as np
 
 from aquaquad_envs.errors import InvalidActionError, check_choice
-from aquaquad_envs.interfaces.spaces import action_space, observation_space
+from aquaquad_envs.interfaces.spaces import action_space, check_options, observation_space
 from aquaquad_envs.tasks.batch import make_world_batch
 
 
@@ -35,6 +35,7 @@ class WorldEnv(gymnasium.Env):
 
     def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[np.ndarray, dict]:
         """Begin an episode; without ``seed`` the world's random streams go on."""
+        check_options(options)
         super().reset(seed=seed)
         self.batch.reset(None if seed is None else [seed])
         if self._renderer is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from gymnasium import spaces
 
+from aquaquad_envs.errors import InvalidParameterError
 from aquaquad_envs.tasks.batch import WorldBatch
 
 
@@ -19,3 +20,9 @@ def action_space(batch: WorldBatch) -> spaces.Box | spaces.Discrete:
     if table is not None:
         return spaces.Discrete(len(table))
     return spaces.Box(-1.0, 1.0, (batch.action_spec.size,), np.float32)
+
+
+def check_options(options: object) -> None:
+    """Raise ``InvalidParameterError`` unless ``options`` of a reset are None or a dict."""
+    if options is not None and not isinstance(options, dict):
+        raise InvalidParameterError("options", options, "None or a dict")

@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from aquaquad_envs.errors import InvalidParameterError, check_choice
-from aquaquad_envs.interfaces.spaces import action_space, observation_space
+from aquaquad_envs.interfaces.spaces import action_space, check_options, observation_space
 from aquaquad_envs.tasks.batch import make_world_batch
 
 
@@ -118,6 +118,7 @@ class WorldVectorEnv(VectorEnv):
         return info
 
     def _reset_mask(self, options: dict | None) -> np.ndarray | None:
+        check_options(options)
         if not options or "reset_mask" not in options:
             return None
         mask = np.asarray(options["reset_mask"])

@@ -57,7 +57,7 @@ def find_component(located: Located, datasets: Sequence[xarray.Dataset], notes: 
             f"{located.name!r} has more than one time dimension ({', '.join(long_times)}; all: {sizes}). "
             "Select one forecast, so that one time dimension is left."
         )
-    time = (long_times or [d for d in times if d in dataset.variables] or times or [None])[0]
+    time = next(iter(long_times or [d for d in times if d in dataset.variables] or times), None)
     for d in kinds:
         if d in (rows, columns, time):
             continue
@@ -132,7 +132,7 @@ def _surface(dataset: xarray.Dataset, dimension: str, size: int, notes: list[str
 def _find_places(
     located: Located, datasets: Sequence[xarray.Dataset], dims: list[str]
 ) -> tuple[str, tuple[str, str, Located, Located] | None]:
-    """Latitude and longitude of a component: ("", (rows, columns, latitude, longitude)), or the one shared dimension."""
+    """Position of a component: ("", (rows, columns, latitude, longitude)), or (the one shared dimension, None)."""
     own = located.dataset
     mentioned = str(located.variable.attrs.get("coordinates", "")).split()
     everything = [Located(own, str(name)) for name in own.variables]
@@ -194,7 +194,7 @@ def _read_grid(
 ) -> HorizontalGrid:
     fields = []
     for place in (latitude, longitude):
-        first = {d: 0 for d in place.variable.dims if d not in (rows, columns)}
+        first = {str(d): 0 for d in place.variable.dims if d not in (rows, columns)}
         values = unpack(read_values(place.variable, place.name, **first), dict(place.variable.attrs))
         if [d for d in place.variable.dims if d in (rows, columns)] == [columns, rows]:
             values = values.T
@@ -238,7 +238,8 @@ def find_grid_of_shape(datasets: Sequence[xarray.Dataset], shape: tuple[int, int
         latitudes = [one for one in everything if is_latitude(one)]
         longitudes = [one for one in everything if is_longitude(one)]
         for a in sorted(latitudes, key=lambda one: "rho" not in one.name.lower()):
-            for b in sorted(longitudes, key=lambda one, a=a: _swap(a.name) != one.name.lower()):
+            wanted = _swap(a.name)
+            for b in sorted(longitudes, key=lambda one: one.name.lower() != wanted):
                 flat_a, flat_b = _squeezed(a), _squeezed(b)
                 sizes_a = tuple(a.variable.sizes[d] for d in flat_a)
                 sizes_b = tuple(b.variable.sizes[d] for d in flat_b)

@@ -39,7 +39,8 @@ CONVENTIONS = (
     ("uogrd", "vogrd", ""), ("u_velo", "v_velo", ""), ("u-vel", "v-vel", ""), ("uu", "vv", ""),
     ("utotal", "vtotal", "east"), ("total_u", "total_v", ""), ("uz", "vz", ""),
     ("ssu_oce", "ssv_oce", ""), ("ocu", "ocv", ""), ("ua", "va", ""), ("ubar", "vbar", ""),
-    ("ewct", "nsct", "east"), ("evel", "nvel", "east"), ("u_barotropic_velocity", "v_barotropic_velocity", ""), ("ub", "vb", ""),
+    ("ewct", "nsct", "east"), ("evel", "nvel", "east"),
+    ("u_barotropic_velocity", "v_barotropic_velocity", ""), ("ub", "vb", ""),
     ("ubar_eastward", "vbar_northward", "east"),
 )  # fmt: skip
 
@@ -82,6 +83,7 @@ class Located(NamedTuple):
 
     @property
     def variable(self) -> xarray.Variable:
+        """The variable itself; its data stay in the file until asked for."""
         return self.dataset[self.name].variable
 
     def text(self, attribute: str) -> str:
@@ -179,7 +181,7 @@ def _standard_key(standard_name: str) -> tuple[str, frozenset[str]] | None:
 
 def _by_standard_name(numeric: list[Located], lone: list[str]) -> VelocityPair | None:
     keyed = [(variable, _standard_key(variable.text("standard_name"))) for variable in numeric]
-    ranked = []
+    ranked: list[tuple[tuple[int, bool, int, int], VelocityPair]] = []
     for u, key in keyed:
         if key is None or key[0] not in _PARTNER:
             continue
@@ -188,7 +190,7 @@ def _by_standard_name(numeric: list[Located], lone: list[str]) -> VelocityPair |
         if not partners:
             lone.append(f"{u.name!r} with standard_name {u.text('standard_name')!r}")
             continue
-        v = min(partners, key=lambda v, u=u: (not _alike(u.name, v.name), u.variable.dims != v.variable.dims))
+        v = _best_partner(u, partners)
         extra = key[1] - {"sea", "water", "velocity", "surface"}
         kind = 0 if not extra else 1 if "geostrophic" in extra else 2 if "barotropic" in extra else 3
         rank = (kind, key[0] == "x", _convention_rank(u.name, v.name), len(ranked))
@@ -202,6 +204,11 @@ def _by_standard_name(numeric: list[Located], lone: list[str]) -> VelocityPair |
         ]
         return None
     return min(ranked, key=lambda item: item[0])[1]
+
+
+def _best_partner(u: Located, candidates: list[Located]) -> Located:
+    """Of several v the one named like ``u``, on the same dimensions."""
+    return min(candidates, key=lambda v: (not _alike(u.name, v.name), u.variable.dims != v.variable.dims))
 
 
 def _alike(u_name: str, v_name: str) -> bool:
@@ -264,10 +271,7 @@ def _by_long_name(numeric: list[Located], lone: list[str]) -> VelocityPair | Non
             for pattern in (u_pattern, v_pattern)
         )
         if us and vs:
-            v = min(
-                vs, key=lambda v: (not _alike(us[0].name, v.name), v.variable.dims != us[0].variable.dims)
-            )
-            return VelocityPair(us[0], v, direction, "long_name")
+            return VelocityPair(us[0], _best_partner(us[0], vs), direction, "long_name")
         lone += [repr(one.name) for one in (us or vs)[:1]]
     return None
 
@@ -282,8 +286,12 @@ def is_longitude(variable: Located) -> bool:
     return _is_coordinate(variable, "longitude", r"degrees?_?e(ast)?", _LONGITUDE_NAME)
 
 
-_LATITUDE_NAME = re.compile(r"(nav_|xc?)?lat(itude)?s?([_-]?(rho|u|v|t|c|r|\d))?|gphi[tuv]?|geolat(_[tcuv])?|[tupqy]lat(itude)?|nlat")  # fmt: skip
-_LONGITUDE_NAME = re.compile(r"(nav_|x)?lon(g|gitude)?s?([_-]?(rho|u|v|t|c|r|\d))?|glam[tuv]?|geolon(_[tcuv])?|[tupqx]lon(g|gitude)?|nlon")  # fmt: skip
+_LATITUDE_NAME = re.compile(
+    r"(nav_|x)?lat(itude)?s?([_-]?(rho|u|v|t|c|r|\d))?|gphi[tuv]?|geolat(_[tcuv])?|[tupqy]lat(itude)?"
+)
+_LONGITUDE_NAME = re.compile(
+    r"(nav_|x)?lon(g|gitude)?s?([_-]?(rho|u|v|t|c|r|\d))?|glam[tuv]?|geolon(_[tcuv])?|[tupqx]lon(g|gitude)?"
+)
 
 
 def _is_coordinate(variable: Located, standard_name: str, units: str, names: re.Pattern[str]) -> bool:
@@ -301,7 +309,10 @@ TIME_NAMES = {
     "time", "ocean_time", "t", "time_counter", "mt", "date", "valid_time", "record", "times", "time_instant",
     "tstep", "ntime", "nt", "time1", "forecast_time", "datetime", "juld", "step", "lead", "leadtime", "forecast_period",
 }  # fmt: skip
-_DEPTH_NAME = re.compile(r"(model_)?(depth\w*|lev\w*|z|zt|z_\w+|zlev\w*|s_rho|s_w|sigma\w*|siglay|layers?|sc_r|st_ocean|k|nz|nk|nlev|nlayer\w*|plev|kbm?|height\w*|altitude|pres\w*|n_levels)")  # fmt: skip
+_DEPTH_NAME = re.compile(
+    r"(model_)?(depth\w*|lev\w*|z|zt|z_\w+|zlev\w*|s_rho|s_w|sigma\w*|siglay|layers?|sc_r|st_ocean|k|nz|nk|nlev"
+    r"|nlayer\w*|plev|kbm?|height\w*|altitude|pres\w*|n_levels)"
+)
 _DEPTH_STANDARD = re.compile(
     r"depth.*|height.*|altitude|ocean_s.*|ocean_sigma.*|.*pressure.*|model_level_number"
 )

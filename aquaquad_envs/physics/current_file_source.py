@@ -59,7 +59,8 @@ def _open(xarray_module: Any, path: Path) -> xarray.Dataset:
     elif head[:8] == b"\x89HDF\r\n\x1a\n":
         engines = ["netCDF4", "h5netcdf"]
     else:
-        kind = {b"\x1f\x8b": "it is compressed with gzip; unpack it first", b"PK": "it is a zip archive; unpack it first",
+        kind = {b"\x1f\x8b": "it is compressed with gzip; unpack it first",
+                b"PK": "it is a zip archive; unpack it first",
                 b"GR": "it looks like GRIB; convert it to NetCDF first", b"<!": "it looks like a web page",
                 b"": "it is empty"}.get(head[:2], f"it begins with {head[:8]!r}")  # fmt: skip
         raise CurrentFileError(f"{path.name!r} is not a NetCDF file: {kind}.")
@@ -142,7 +143,7 @@ class HorizontalGrid:
     @property
     def shape(self) -> tuple[int, int]:
         """Rows and columns."""
-        return (len(self.latitude), len(self.longitude)) if self.regular else self.latitude.shape  # type: ignore[return-value]
+        return (len(self.latitude), len(self.longitude)) if self.regular else self.latitude.shape
 
     def fields(self, stride: int = 1) -> tuple[np.ndarray, np.ndarray]:
         """Latitude and longitude of every point (or every ``stride``-th), each (rows, columns)."""

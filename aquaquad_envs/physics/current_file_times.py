@@ -14,7 +14,7 @@ from aquaquad_envs.physics.current_file_source import Component, read_values, un
 
 _EPOCH = "seconds since 1970-01-01 00:00:00"
 #: Share of a step by which dates may be off and still count as uniform.
-_ROUNDING = 0.02
+_ROUNDING = 0.05
 
 
 def find_dates(component: Component, notes: list[str]) -> tuple[np.ndarray | None, np.ndarray, str]:
@@ -130,6 +130,7 @@ def date_components(u: Component, v: Component, notes: list[str]) -> tuple[np.nd
 
 
 def iso_date(seconds: float, calendar: str) -> str:
+    """Seconds since 1970 in ``calendar`` as an ISO date, to the second."""
     import cftime
 
     return str(

@@ -221,13 +221,12 @@ def _survey(
     wet = wets[0] & wets[1] if together else wets[0]
     if water is not None:
         wet &= water[::stride, ::stride]
-    zero = together and np.all([np.all(np.nan_to_num(part) == 0, axis=0) for part in seen], axis=0) & wet
     zero_is_land = False
     if together:
+        zero = wet & np.all([np.all(np.nan_to_num(part) == 0, axis=0) for part in seen], axis=0)
         # Land is made of patches; a lone row or point at rest may well be water.
         patch = zero[:-1, :-1] & zero[1:, :-1] & zero[:-1, 1:] & zero[1:, 1:]
-        count = int(patch.sum())
-        zero_is_land = count >= 1 and int(zero.sum()) >= max(4, 0.005 * wet.sum())
+        zero_is_land = bool(patch.any()) and int(zero.sum()) >= max(4, 0.005 * wet.sum())
         if zero_is_land:
             notes.append(
                 f"points at exactly 0 in every frame ({100 * zero.sum() / wet.sum():.0f} %) taken as land"

@@ -7,6 +7,7 @@ costs two look-ups and sums over steps telescope exactly.
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -118,7 +119,9 @@ def clear_sky_charge(
     times = pd.DatetimeIndex(start + pd.to_timedelta(np.arange(count) * time_step_s, unit="s"))
     longitude = (longitude + 180.0) % 360.0 - 180.0
     place = pvlib.location.Location(latitude, longitude, altitude=0.0)
-    ghi = place.get_clearsky(times, model="ineichen")["ghi"].to_numpy(dtype=np.float64)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # pvlib's own deprecation notices are not our user's
+        ghi = place.get_clearsky(times, model="ineichen")["ghi"].to_numpy(dtype=np.float64)
     return _cumulative(area_m2 * efficiency * np.maximum(ghi, 0.0), time_step_s)
 
 
@@ -140,9 +143,9 @@ def weather_file_charge(
     ghi, interval_s, offset_s = _read_weather(Path(path))
     start = _timestamp(start_time)
     year_start = start.replace(month=1, day=1, hour=0, minute=0, second=0, microsecond=0, nanosecond=0)
-    day = min(start.dayofyear - 1, 364)
-    if start.is_leap_year and start.dayofyear > 59:
-        day = start.dayofyear - 2  # a typical year has no 29 February: hold 28 February
+    day = min(start.day_of_year - 1, 364)
+    if start.is_leap_year and start.day_of_year > 59:
+        day = start.day_of_year - 2  # a typical year has no 29 February: hold 28 February
     elapsed = day * 86400.0 + ((start - year_start).total_seconds() % 86400.0)
     year_s = len(ghi) * interval_s
     collected = np.concatenate([[0.0], np.cumsum(ghi)]) * area_m2 * efficiency * interval_s / SECONDS_PER_HOUR
@@ -182,7 +185,7 @@ def _read_weather(path: Path) -> tuple[np.ndarray, float, float]:
     interval_s = 3600.0 if per_year < 10_000 else 1800.0
     # TMY3 stamps the end of each hour; PSM stamps the middle of its interval.
     first = stamps[0]
-    seconds = (first.dayofyear - 1) * 86400.0 + first.hour * 3600.0 + first.minute * 60.0
+    seconds = (first.day_of_year - 1) * 86400.0 + first.hour * 3600.0 + first.minute * 60.0
     return ghi, interval_s, seconds - (interval_s / 2 if nsrdb else interval_s)
 
 
@@ -217,5 +220,5 @@ def balance(battery, capacity, charged, demanded):
     empty = demanded > available
     spent = available if empty else demanded
     left = available - spent
-    clipped = max(left - capacity, 0.0)
-    return left - clipped, spent, clipped, empty
+    stored = min(left, capacity)
+    return stored, spent, left - stored, empty

@@ -89,7 +89,7 @@ class ObstacleMap:
                 )  # fmt: skip
             shapes.append(shape)
         if not shapes:
-            return ObstacleMap.empty(grid)
+            return ObstacleMap.empty(grid, side)
         union = shapely.unary_union(shapes)
         shapely.prepare(union)
         x, y = grid.nodes(side, side)

@@ -104,18 +104,20 @@ class Canvas:
                 self.circle((x0, y0), radius, color)
                 self.circle((x1, y1), radius, color)
 
-    def image(self, left: float, top: float, width: float, height: float, colors: np.ndarray) -> None:
-        """Colours, uint8 (rows, columns, 3 or 4 with opacity), top row first, stretched over a rectangle."""
+    def image(self, colors: np.ndarray, width: float, height: float) -> Any:
+        """An image to :meth:`paste`: uint8 (rows, columns, 3 or 4 with opacity), top row first, stretched."""
         # In the byte order of the surface itself, which pygame copies several times faster.
         opacity = colors[..., 3:] if colors.shape[2] == 4 else np.full((*colors.shape[:2], 1), 255, np.uint8)
         ordered = np.concatenate([colors[..., 2::-1], opacity], axis=-1)
-        source = self._pygame.image.frombuffer(ordered.tobytes(), colors.shape[1::-1], "BGRA")
+        image = self._pygame.image.frombuffer(ordered.tobytes(), colors.shape[1::-1], "BGRA")
         if colors.shape[2] == 3:
-            source.set_alpha(None)
+            image.set_alpha(None)
         size = (round(width * OVERSAMPLING), round(height * OVERSAMPLING))
-        if source.get_size() != size:
-            source = self._pygame.transform.smoothscale(source, size)
-        self._surface.blit(source, (round(left * OVERSAMPLING), round(top * OVERSAMPLING)))
+        return image if image.get_size() == size else self._pygame.transform.smoothscale(image, size)
+
+    def paste(self, image: Any, left: float, top: float) -> None:
+        """Put an :meth:`image` with its upper left corner at (left, top)."""
+        self._surface.blit(image, (round(left * OVERSAMPLING), round(top * OVERSAMPLING)))
 
     def text(self, position: Point, text: str, size: int, color: Color, *, align: float = 0.0) -> float:
         """One line of text, vertically centred at ``position``; ``align`` 0 left, 0.5 centre, 1 right.

@@ -104,10 +104,11 @@ def arrows(centers: np.ndarray, velocities: np.ndarray, pixels_per_m_s: float) -
 
 
 def scale_bar(canvas: Canvas, view: View, right: float, y: float) -> None:
-    """A bar of a round number of kilometres of ``view``, its label ending at ``right``."""
+    """A bar of a round length in ``view``, its label ending at ``right``."""
     length_m = round_up(0.1 * 2 * view.half_width_m)
     length = length_m * view.pixels_per_m
-    x = right - canvas.text((right, y), f"{length_m / 1000:g} km", 17, INK, align=1) - 7 - length
+    label = f"{length_m / 1000:g} km" if length_m >= 1000 else f"{length_m:g} m"
+    x = right - canvas.text((right, y), label, 17, INK, align=1) - 7 - length
     canvas.lines([(x, y - 4), (x, y + 4)], INK, 1.5)
     canvas.lines([(x + length, y - 4), (x + length, y + 4)], INK, 1.5)
     canvas.lines([(x, y), (x + length, y)], INK, 2)

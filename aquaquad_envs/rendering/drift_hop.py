@@ -15,8 +15,9 @@ from aquaquad_envs.rendering.canvas import OVERSAMPLING, Canvas, Color, Point
 from aquaquad_envs.rendering.chart import INK, PAPER, QUIET, View, arrows, round_up, scale_bar, speed_colors
 
 WHITE: Color = (255, 255, 255)
-#: Okabe and Ito's colours, told apart by every kind of colour vision; dash and weight differ too.
-DRIFT: Color = (255, 255, 255)
+DRIFT: Color = WHITE
+#: Okabe and Ito's vermillion, green (darkened) and yellow: told apart from blue water and from each other by every
+#: kind of colour vision. Drift and hop differ in dash and weight too.
 HOP: Color = (213, 94, 0)
 GOAL: Color = (0, 112, 82)
 VEHICLE: Color = (240, 228, 66)
@@ -93,7 +94,7 @@ class Picture:
         # What is kept, each with what it was painted for.
         self._frame: tuple[Any, Any] = (None, None)
         self._still: tuple[Any, Any] = (None, None)
-        self._land = np.zeros((1, 1, 4), dtype=np.uint8)
+        self._land: Any = None
         self._fields: dict[int, tuple[CurrentField, float]] = {}
 
     def restart(self) -> None:
@@ -151,15 +152,15 @@ class Picture:
         """What does not change with time: the legend; the map of obstacles is prepared."""
         canvas.fill(PAPER)
         self._paint_legend(canvas, self._field(truth)[1], self._arrow_scale(truth), forecast != truth)
-        self._land = self._land_colors(obstacle)
+        self._land = canvas.image(self._land_colors(obstacle), _MAP, _MAP)
 
     def _paint_sea(self, canvas: Canvas, truth: int, forecast: int, obstacle: int, time_s: float) -> None:
         view, (field, top_speed) = self.view, self._field(truth)
         current = field.sample(*view.points(_SAMPLES), time_s)
-        canvas.image(*view.rectangle, speed_colors(np.hypot(current[..., 0], current[..., 1]) / top_speed))
+        colors = speed_colors(np.hypot(current[..., 0], current[..., 1]) / top_speed)
         canvas.clip(view.rectangle)
-        if self._land.any():
-            canvas.image(*view.rectangle, self._land)
+        canvas.paste(canvas.image(colors, _MAP, _MAP), view.left, view.top)
+        canvas.paste(self._land, view.left, view.top)
         scale = self._arrow_scale(truth)
         if forecast != truth:
             self._paint_arrows(canvas, forecast, obstacle, time_s, scale, FORECAST)
@@ -174,7 +175,7 @@ class Picture:
         wet = self._clearance(obstacle, x, y) >= 0
         x, y = x[wet], y[wet]
         current = self._field(k)[0].sample(x, y, time_s)
-        centers = np.stack(self.view.pixel(x, y), -1)
+        centers = np.stack([self.view.pixel(*point) for point in zip(x, y, strict=True)])
         slow = np.hypot(current[:, 0], current[:, 1]) * pixels_per_m_s < 2.5
         for center in centers[slow]:
             canvas.circle(center, 1.2, color)
@@ -238,13 +239,13 @@ class Picture:
         x, y = float(_MARGIN), y + 25
         x += canvas.text((x, y), "current", 17, INK) + 10
         x += canvas.text((x, y), "0", 17, INK) + 6
-        canvas.image(x, y - 6, 110, 12, speed_colors(np.linspace(0, 1, 220))[None].repeat(24, axis=0))
+        canvas.paste(canvas.image(speed_colors(np.linspace(0, 1, 220))[None], 110, 12), x, y - 6)
         canvas.rectangle(x, y - 6, 110, 12, QUIET, line=0.5)
         x += 116
         x += canvas.text((x, y), f"{top_speed:g} m/s", 17, INK) + 18
         length = pixels_per_m_s * top_speed
         for color, name in ((INK, f"= {top_speed:g} m/s"), (FORECAST, "forecast"))[: 2 if forecast else 1]:
-            canvas.polygon(arrows([(x + length / 2, y)], [(1.0, 0.0)], length)[0], color)
+            canvas.polygon(arrows(np.array([(x + length / 2, y)]), np.array([(1.0, 0.0)]), length)[0], color)
             x += length + 7
             x += canvas.text((x, y), name, 17, INK) + 18
         scale_bar(canvas, self.view, _MARGIN + _MAP, y)
@@ -315,8 +316,9 @@ def start_mark(canvas: Canvas, center: Point) -> None:
 
 def goal_mark(canvas: Canvas, center: Point, radius: float) -> None:
     """A ring of ``radius`` pixels about a dot."""
-    canvas.circle(center, radius + 1.5, WHITE)
+    canvas.circle(center, radius + 1.5, WHITE, line=5.5)
     canvas.circle(center, radius, GOAL, line=2.5)
+    canvas.circle(center, 4, WHITE)
     canvas.circle(center, 2.5, GOAL)
 
 

@@ -15,6 +15,9 @@ from aquaquad_envs.errors import InvalidActionError, InvalidParameterError
 from aquaquad_envs.physics.randomness import SOURCES, seed_streams
 from aquaquad_envs.tasks.task import Task, load_task
 
+#: Greatest action component that kernels may square.
+_SQUARABLE = 1e100
+
 Seeds = int | Sequence[int | None] | np.ndarray | None
 
 
@@ -166,7 +169,10 @@ class WorldBatch:
     def _checked_actions(self, actions: Any) -> np.ndarray:
         table = self.action_spec.table
         shape = (self.num_worlds,) if table is not None else (self.num_worlds, self.action_spec.size)
-        actions = np.asarray(actions)
+        try:
+            actions = np.asarray(actions)
+        except ValueError:
+            raise InvalidActionError(f"action: got rows of unequal length, expected shape {shape}.") from None
         if actions.shape != shape:
             raise InvalidActionError(f"action: got shape {actions.shape}, expected {shape}.")
         kind = actions.dtype.kind
@@ -181,11 +187,15 @@ class WorldBatch:
         if kind not in "fiu":
             raise InvalidActionError(f"action: got dtype {actions.dtype}, expected real numbers.")
         self._actions[...] = actions
-        if not np.isfinite(self._actions).all():
-            bad = int(np.argmin(np.isfinite(self._actions).all(axis=-1)))
-            raise InvalidActionError(
-                f"action: got {actions[bad]} in world {bad}, expected finite numbers in [-1, 1]."
-            )
+        if not np.abs(self._actions).max() <= _SQUARABLE:  # NaN, infinity, or a square that would overflow
+            finite = np.isfinite(self._actions).all(axis=-1)
+            if not finite.all():
+                bad = int(np.argmin(finite))
+                raise InvalidActionError(
+                    f"action: got {actions[bad]} in world {bad}, expected finite numbers in [-1, 1]."
+                )
+            largest = np.abs(self._actions).max(axis=-1, keepdims=True)
+            self._actions /= np.where(largest > _SQUARABLE, largest, 1.0)
         return self._actions
 
 

@@ -115,6 +115,8 @@ class Params:
                 object.__setattr__(self, name, value)
         for name in ("obstacles", "team"):
             self._freeze_points(name, 4 if name == "obstacles" else 2)
+        for name in ("target_offset", "currents_center"):
+            self._freeze_pair(name)
         check_choice("integrator", self.integrator, ("rk4", "euler"))
         check_choice("interpolation", self.interpolation, ("bilinear", "cell"))
         check_choice("solar", self.solar, ("clear-sky", "constant", "file"))
@@ -126,19 +128,35 @@ class Params:
                 raise InvalidParameterError(name, getattr(self, name), "a whole number")
         if self.solar == "file" and self.solar_file is None:
             raise InvalidParameterError("solar_file", None, "the path of a TMY3 or NSRDB file")
-        if self.scenario.startswith("vortex") and self.half_width_m < 4500:
+        if self.scenario.startswith("vortex") and not 4500 <= self.half_width_m <= 50_000:
             raise InvalidParameterError(
-                "half_width_m", self.half_width_m, "at least 4500 m in the vortex", "Its start lies 4 km out."
-            )
+                "half_width_m", self.half_width_m, "4500 to 50 000 m in the vortex",
+                "Its start lies 4 km out, and its obstacle grid has a node every 100 m.",
+            )  # fmt: skip
 
     def _freeze_points(self, name: str, width: int) -> None:
         value = getattr(self, name)
         if value is None:
             return
-        points = np.asarray(value, dtype=np.float64)
+        try:
+            points = np.asarray(value, dtype=np.float64)
+        except (TypeError, ValueError):
+            points = np.full(1, np.nan)
         if points.size and (points.ndim != 2 or points.shape[1] != width or not np.isfinite(points).all()):
             raise InvalidParameterError(name, value, f"a sequence of {width} finite numbers each")
         object.__setattr__(self, name, tuple(tuple(map(float, row)) for row in points.reshape(-1, width)))
+
+    def _freeze_pair(self, name: str) -> None:
+        value = getattr(self, name)
+        if value is None and name == "currents_center":
+            return
+        try:
+            pair = np.asarray(value, dtype=np.float64)
+        except (TypeError, ValueError):
+            pair = np.empty(0)
+        if pair.shape != (2,) or not np.isfinite(pair).all():
+            raise InvalidParameterError(name, value, "two finite numbers")
+        object.__setattr__(self, name, tuple(pair.tolist()))
 
     def scenario_spec(self) -> ScenarioSpec:
         """The part of the parameters that decides the scenario bank."""
@@ -210,7 +228,8 @@ def _solar(params: Params, bank: ScenarioBank) -> tuple[energy.SolarCharge, floa
     midnight = start.astype("datetime64[D]")
     offset = float((start - midnight).astype(np.float64)) + longitude / 360.0 * 86400.0
     # An action may begin just before the horizon and end after it.
-    duration = params.horizon_s + params.start_time_spread_s + params.action_period_s + 3600.0
+    longest = max(params.action_period_s, params.max_hop_m / params.airspeed_m_s)
+    duration = params.horizon_s + params.start_time_spread_s + longest + 3600.0
     if params.solar == "constant":
         return energy.constant_charge(
             energy.PRESETS[params.energy].solar_wh_per_day, duration_s=duration

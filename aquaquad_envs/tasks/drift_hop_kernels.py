@@ -413,7 +413,8 @@ def step_batch(worlds, actions, observations, rewards, terms, terminated, trunca
             if running[i]:
                 w.hdop_s += before[1, i] * (w.time_s - before[2, i])
                 w.steps += 1
-                if w.outcome == RUNNING and w.time_s >= c.horizon:
+                # A microsecond of grace: rounding of the clock must not add a decision.
+                if w.outcome == RUNNING and w.time_s >= c.horizon - 1e-6:
                     w.outcome = TIME_OUT
                 after = np.sqrt((w.goal_x - w.x) ** 2 + (w.goal_y - w.y) ** 2)
                 gained = flight_energy_wh(before[0, i] - after, c.airspeed, c.flight_power)

@@ -1,0 +1,397 @@
+"""DR-RRT*: the published planner in both variants, the product's own, and the policy that follows them.
+
+See ``docs/dr_rrt_star.md`` for the algorithms, what is unclear in the source, and what was measured.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from aquaquad_envs.errors import InvalidParameterError, PlanningError, check_choice, check_range
+from aquaquad_envs.physics.current_formulas import published_vortex
+from aquaquad_envs.physics.grids import Grid
+from aquaquad_envs.physics.obstacles import ObstacleMap, clearance_at
+from aquaquad_envs.physics.randomness import seed_streams
+from baselines import dr_rrt_star_published as published
+from baselines import dr_rrt_star_tree as tree_kernels
+from baselines.dr_rrt_star_improve import (
+    MAX_LANDINGS,
+    Draft,
+    complete,
+    draft_legs,
+    improve,
+    improve_candidates,
+)
+from baselines.plan import LEG, NEEDS_PLAN, FollowSettings, Plan, PlanFollower
+from baselines.problem import DriftHopProblem
+
+#: Prices that break ties between plans of like energy: Wh per hour adrift and Wh per flight.
+DRIFT_PRICE_WH_PER_H = 0.02
+HOP_PRICE_WH = 0.02
+ITERATIONS = 3000
+#: m kept from obstacles beyond their own margin.
+MARGIN_M = 25.0
+#: Plans of the tree that are improved a little before the best of them is improved well.
+CANDIDATES = 8
+#: s; integration step of the drift far from everything.
+COARSE_STEP_S = 300.0
+#: The search wants a little more than the final plan must keep, so that finer steps do not undo it.
+_RESERVE_M, _RESERVE_SHARE = 3.0, 0.97
+VARIANTS = ("product", "published-single", "published-seeking")
+
+Seed = int | np.random.SeedSequence
+
+
+def plan_published(
+    problem: DriftHopProblem, *, seed: Seed, variant: str = "single", iterations: int = 25_000
+) -> Plan:
+    """Plan with the published DR-RRT* (Dillard, NPS 2014, App. C; SPEC §6).
+
+    Parameters
+    ----------
+    problem: its field is used as it is at ``problem.time_s`` (the source knows no other time), constant
+        per cell where the field says so; ``team`` and ``target`` enter the cost through the HDOP,
+        which is left out where the team is empty.
+    seed: decides the plan, bit for bit.
+    variant: ``"single"`` stops at the first arrival; ``"seeking"`` runs all ``iterations`` and keeps the
+        arrival of the least flight energy.
+
+    Cost of a node: K1 HDOP/9000 + K2 distance/14142 - K4 for each second of a 60 s Euler drift step, and
+    K3 (distance / longest hop) for a flight, (K1..K4) = (0.0225, 0.0225, 0.95, 0.005): drift is
+    over-priced against flight, as published. Neither horizon nor battery nor the landings inside a merged
+    flight are considered. Raises ``PlanningError`` or ``InvalidParameterError``.
+    """
+    check_choice("variant", variant, ("single", "seeking"))
+    _check_iterations(iterations)
+    began = time.perf_counter()
+    tree = published.Tree.allocate(iterations)
+    mission = published.Mission(
+        problem.velocity, problem.field_index, problem.axes, problem.clearance, problem.obstacle_index,
+        problem.clearance_grid, float(problem.time_s), float(problem.half_width_m), float(problem.goal[0]),
+        float(problem.goal[1]), float(problem.goal_radius_m), float(problem.max_hop_m),
+        float(problem.airspeed_m_s), problem.team, float(problem.target[0]), float(problem.target[1]),
+    )  # fmt: skip
+    path = np.empty((len(tree.x), 3))
+    length, used, _ = published.grow_published(
+        tree, mission, float(problem.start[0]), float(problem.start[1]), int(iterations), variant == "seeking",
+        seed_streams(seed)[0], path,
+    )  # fmt: skip
+    if not length:
+        return Plan.none(used, time.perf_counter() - began)
+    legs, track = np.zeros(length, LEG), np.empty((length, 3))
+    num_legs, points = published.published_legs(path, length, mission, legs, track)
+    return _plan(problem, legs[:num_legs], track[:points], used, began)
+
+
+def plan(
+    problem: DriftHopProblem,
+    *,
+    seed: Seed,
+    iterations: int = ITERATIONS,
+    action_period_s: float = 600.0,
+    min_hop_m: float | None = None,
+    margin_m: float = MARGIN_M,
+    euler: bool = False,
+) -> Plan:
+    """Plan with the product's DR-RRT*: a sparse forward tree, then local improvement of its best plans.
+
+    Parameters
+    ----------
+    seed: decides the plan, bit for bit.
+    iterations: samples of the tree; two thirds as many changes are then tried on its best plans.
+    action_period_s: drifts last a whole number of these from their landing, as the world has it; a multiple
+        of ``problem.drift_step_s``.
+    min_hop_m: shortest flight (None: just over a tenth of the longest hop, below which the world drifts).
+    margin_m: least clearance of drifts and landings; less where start or goal lie nearer to an obstacle.
+    euler: integrate drifts by forward Euler, else Runge–Kutta.
+
+    Cost, Wh: flight energy + 0.02 per hour adrift + 0.02 per flight. Energy is what counts; the
+    prices break ties. Currents may change with time; arrival is within ``problem.horizon_s``; the battery
+    is not considered. Raises ``PlanningError`` or ``InvalidParameterError``.
+    """
+    _check_iterations(iterations)
+    check_range("margin_m", margin_m, 0, 1e6)
+    steps = round(action_period_s / problem.drift_step_s)
+    if steps < 1 or abs(steps * problem.drift_step_s - action_period_s) > 1e-6 * action_period_s:
+        raise InvalidParameterError(
+            "action_period_s", action_period_s, f"a multiple of drift_step_s = {problem.drift_step_s:g} s"
+        )
+    began = time.perf_counter()
+    state = seed_streams(seed)[0]
+    coarse_steps = max(1, round(action_period_s / COARSE_STEP_S))
+    searches = (coarse_steps, 0) if coarse_steps < steps and not euler else (0,)
+    for coarse in searches:
+        search, final = _missions(problem, action_period_s, steps, coarse, min_hop_m, margin_m, euler)
+        draft = _search(problem, search, final, iterations, state)
+        if np.isfinite(draft.total[0]):
+            rows = int(np.sum(draft.takeoff[: draft.count[0] + 1])) * steps + MAX_LANDINGS + 3
+            legs, track = np.zeros(2 * MAX_LANDINGS + 2, LEG), np.empty((rows, 3))
+            num_legs, points, _ = draft_legs(final, draft, legs, track)
+            return _plan(problem, legs[:num_legs], track[:points], iterations, began)
+    return Plan.none(iterations, time.perf_counter() - began)
+
+
+def _search(
+    problem: DriftHopProblem, search: tree_kernels.Mission, final: tree_kernels.Mission, iterations: int,
+    state: np.ndarray,
+) -> Draft:  # fmt: skip
+    """The best draft found, its total infinite where there is none."""
+    steady = problem.velocity.shape[1] == 1
+    chain = int(problem.horizon_s / search.period) + 2
+    bins = 1 if steady else max(1, int(np.ceil(problem.horizon_s / tree_kernels.TIME_BIN_S)))
+    tree = tree_kernels.Sparse.allocate(iterations + 1, chain, bins)
+    start = float(problem.start[0]), float(problem.start[1])
+    nodes = tree_kernels.grow(tree, search, *start, iterations, 2.0 * problem.max_hop_m, state)
+    best, *scratch = (Draft.allocate() for _ in range(4))
+    budget = 2 * iterations // 3
+    improve_candidates(tree, search, nodes, *scratch, best, steady, CANDIDATES, budget, state)
+    if np.isfinite(best.total[0]):
+        complete(final, best, 0, MAX_LANDINGS, best, np.inf, False)
+    if np.isfinite(best.total[0]):
+        improve(final, best, *scratch[:2], steady, budget // 10, state)
+    return best
+
+
+def _missions(
+    problem: DriftHopProblem, period: float, steps: int, coarse_steps: int, min_hop: float | None,
+    margin: float, euler: bool,
+) -> tuple[tree_kernels.Mission, tree_kernels.Mission]:  # fmt: skip
+    """The problem as searched, with a little in reserve, and as the final plan must keep it."""
+    room = [
+        clearance_at(problem.clearance, problem.obstacle_index, problem.clearance_grid, *map(float, point))
+        for point in (problem.start, problem.goal)
+    ]
+    margin = max(0.0, min(margin + _RESERVE_M, *room))
+    radius = float(problem.goal_radius_m)
+    final = tree_kernels.Mission(
+        velocity=problem.velocity, field=problem.field_index, axes=problem.axes, clearance=problem.clearance,
+        layer=problem.obstacle_index, grid=problem.clearance_grid, time=float(problem.time_s),
+        horizon=float(problem.horizon_s), half_width=float(problem.half_width_m),
+        goal_x=float(problem.goal[0]), goal_y=float(problem.goal[1]), goal_radius=radius, aim=0.99 * radius,
+        margin=max(0.0, margin - _RESERVE_M), max_hop=float(problem.max_hop_m),
+        min_hop=float(0.1001 * problem.max_hop_m if min_hop is None else min_hop),
+        airspeed=float(problem.airspeed_m_s), wh_per_m=problem.flight_energy_wh(1.0), hop_price=HOP_PRICE_WH,
+        drift_price=DRIFT_PRICE_WH_PER_H / 3600.0, period=float(period), steps=steps, coarse_steps=0,
+        euler=euler,
+    )  # fmt: skip
+    search = final._replace(
+        margin=margin, goal_radius=_RESERVE_SHARE * radius, aim=0.99 * _RESERVE_SHARE * radius,
+        coarse_steps=coarse_steps,
+    )  # fmt: skip
+    return search, final
+
+
+def _plan(
+    problem: DriftHopProblem, legs: np.ndarray, track: np.ndarray, iterations: int, began: float
+) -> Plan:
+    flights = legs[legs["kind"] == 1]
+    flown = np.hypot(flights["x1"] - flights["x0"], flights["y1"] - flights["y0"]).sum()
+    return Plan(
+        legs=legs.copy(), track=track.copy(), flight_energy_wh=problem.flight_energy_wh(float(flown)),
+        success=True, iterations=int(iterations), planning_time_s=time.perf_counter() - began,
+    )  # fmt: skip
+
+
+def _check_iterations(iterations: int) -> None:
+    if not isinstance(iterations, int | np.integer) or not 1 <= iterations <= 10_000_000:
+        raise InvalidParameterError("iterations", iterations, "a whole number in [1, 10000000]")
+
+
+#: Published means and standard deviations over 1000 runs: energy (Wh), time (ms) (Dillard 2014, Tab. 4).
+PUBLISHED = {"single": (38.69, 6.81, 190.0, 90.0), "seeking": (36.26, 3.93, 4964.0, 18.12)}
+_OBSTACLE_SETS = {
+    "none": (),
+    "2 km square at the centre": ((-1000.0, -1000.0, 1000.0, 1000.0),),
+    "1 km square at the centre": ((-500.0, -500.0, 500.0, 500.0),),
+    "two drawn anew each run, as the script does": None,
+}
+
+
+def published_table(
+    runs: int = 1000, *, seed: int = 0, iterations: int = 25_000
+) -> list[dict[str, str | int | float]]:
+    """The published Monte Carlo study (SPEC §6), ours beside theirs: one row per variant and obstacle set.
+
+    Run i plans with seed ``seed + i`` in the published vortex, constant per cell. The obstacle set of the source
+    is a random draw that was not published; none was tuned to meet its figures.
+    """
+    rows: list[dict[str, str | int | float]] = []
+    for variant, (energy, energy_std, time_ms, time_std_ms) in PUBLISHED.items():
+        for name, rectangles in _OBSTACLE_SETS.items():
+            plans = []
+            problem = _published_problem(rectangles or ())
+            plan_published(problem, seed=seed, variant=variant, iterations=20)  # compiles
+            for i in range(runs):
+                if rectangles is None:
+                    problem = _published_problem(_script_obstacles(np.random.default_rng([seed, i])))
+                plans.append(plan_published(problem, seed=seed + i, variant=variant, iterations=iterations))
+            energies = np.array([found.flight_energy_wh for found in plans if found.success])
+            times = 1e3 * np.array([found.planning_time_s for found in plans])
+            rows.append(
+                {
+                    "variant": variant, "obstacles": name, "runs": runs, "success": len(energies) / runs,
+                    "energy_mean_wh": float(energies.mean()), "energy_std_wh": float(energies.std()),
+                    "published_energy_mean_wh": energy, "published_energy_std_wh": energy_std,
+                    "time_mean_ms": float(times.mean()), "time_std_ms": float(times.std()),
+                    "published_time_mean_ms": time_ms, "published_time_std_ms": time_std_ms,
+                }
+            )  # fmt: skip
+    return rows
+
+
+def _published_problem(rectangles: Sequence[Sequence[float]]) -> DriftHopProblem:
+    grid, side = Grid.square(5000.0, 100.0)
+    return DriftHopProblem.of(
+        published_vortex(interpolation="cell"),
+        ObstacleMap.from_rectangles(rectangles, grid=grid, side=side),
+        start=(-4000.0, 4000.0), goal=(3000.0, -3000.0), target=(3100.0, -2900.0),
+        team=np.array([[5000.0, 5000.0], [5000.0, -5000.0], [-5000.0, -5000.0]]),
+    )  # fmt: skip
+
+
+def _script_obstacles(rng: np.random.Generator) -> list[tuple[float, float, float, float]]:
+    """Two rectangles of 0.5 to 2.5 km a side as the script draws them, off the start and the goal."""
+    found: list[tuple[float, float, float, float]] = []
+    while len(found) < 2:
+        column, row = np.round(21 * rng.random(2))
+        width, height = np.round(4.2 * rng.random(2))
+        x, y = -5500 + 500 * column, 6000 - 500 * row
+        box = (x, y - 500 * (height + 1), x + 500 * (width + 1), y)
+        near = any(
+            box[0] - 100 < px < box[2] + 100 and box[1] - 100 < py < box[3] + 100
+            for px, py in ((-4000.0, 4000.0), (3000.0, -3000.0))
+        )
+        if min(column, row) >= 1 and not near:  # the script's index 0 fails and is drawn again
+            found.append(tuple(map(float, box)))
+    return found
+
+
+class DrRrtStar:
+    """Plans with DR-RRT* in every world and follows the plan, replanning on a miss.
+
+    Parameters
+    ----------
+    batch: the drift/hop worlds.
+    variant: ``"product"``, ``"published-single"`` or ``"published-seeking"``.
+    iterations: of the planner; None for its default.
+    watch_radius_m: a flight begins only this near to its planned take-off point.
+    deviation_m: farther than this from the planned track a new plan is made.
+    margin_m: clearance that the product's plans keep beyond the obstacles' own margin.
+
+    A plan is made at the first action after a reset, from the seed given to :meth:`reset`, and again
+    from the present place and time when a take-off is missed, the track is left, or the plan ends without
+    arrival. Where no plan is found the vehicle drifts and tries again an hour later.
+    """
+
+    information = "the forecast current (never the truth), all obstacles, its own position and the clock"
+
+    def __init__(
+        self,
+        batch: Any,
+        *,
+        variant: str = "product",
+        iterations: int | None = None,
+        watch_radius_m: float = 250.0,
+        deviation_m: float = 500.0,
+        margin_m: float = MARGIN_M,
+    ) -> None:
+        check_choice("variant", variant, VARIANTS)
+        check_range("watch_radius_m", watch_radius_m, 0, 1e6, open_low=True)
+        check_range("deviation_m", deviation_m, 0, 1e6, open_low=True)
+        if batch.action_spec.table is not None:
+            raise InvalidParameterError(
+                "action_type",
+                "discrete",
+                "continuous actions",
+                "Make the batch with action_type='continuous'.",
+            )
+        params = batch.params
+        self.batch, self.variant, self.margin_m = batch, variant, margin_m
+        self.iterations = iterations or (ITERATIONS if variant == "product" else 25_000)
+        self._min_hop = 1.001 * params.drift_threshold * params.max_hop_m
+        self._follower = PlanFollower(
+            batch.num_worlds,
+            FollowSettings(
+                watch_radius=float(watch_radius_m), deviation=float(deviation_m),
+                patience=2.0 * params.action_period_s, period=float(params.action_period_s),
+                max_hop=float(params.max_hop_m), min_hop=float(self._min_hop),
+            ),
+        )  # fmt: skip
+        #: The plan that each world follows now, and how many were made for it since its reset.
+        self.plans: list[Plan | None] = [None] * batch.num_worlds
+        self.plan_counts = np.zeros(batch.num_worlds, dtype=np.int64)
+        self.reset(np.arange(batch.num_worlds))
+
+    def reset(self, seeds: np.ndarray) -> None:
+        """Forget all plans; ``seeds`` (num_worlds,) decide the next ones."""
+        self._seeds = [int(seed) for seed in seeds]
+        self._forget(np.arange(self.batch.num_worlds))
+
+    def _forget(self, worlds: np.ndarray) -> None:
+        if not hasattr(self, "_last_time"):
+            self._last_time = np.zeros(self.batch.num_worlds)
+            self._retry_at = np.zeros(self.batch.num_worlds)
+        self._follower.clear(worlds)
+        self.plan_counts[worlds] = 0
+        self._last_time[worlds] = 0.0
+        self._retry_at[worlds] = 0.0
+        for i in worlds:
+            self.plans[i] = None
+
+    def act(self, observations: np.ndarray, worlds: np.ndarray) -> np.ndarray:
+        """Actions, float32 (num_worlds, 2): the hop as a fraction of the longest, (0, 0) to drift."""
+        del observations
+        now = worlds["time_s"]
+        again = np.flatnonzero(now < self._last_time)
+        if len(again):  # reset by itself, without a reset of the policy
+            self._forget(again)
+        self._last_time[:] = now
+        actions = np.zeros((len(worlds), 2), dtype=np.float32)
+        running = worlds["outcome"] == 0
+        follower = self._follower
+        follower.act(worlds["x"], worlds["y"], now, running, actions)
+        wanting = running & (follower.status == NEEDS_PLAN) & (now >= self._retry_at)
+        if wanting.any():
+            for i in np.flatnonzero(wanting):
+                self._make_plan(i, worlds[i])
+            follower.act(worlds["x"], worlds["y"], now, wanting, actions)
+        return actions
+
+    def _make_plan(self, i: int, world: np.void) -> None:
+        seed = np.random.SeedSequence([self._seeds[i], int(self.plan_counts[i])])
+        self.plan_counts[i] += 1
+        try:
+            found = self._planned(world, seed)
+        except PlanningError:
+            # The vehicle floats where no plan may begin (at the very edge): drift on.
+            found = Plan.none(0, 0.0)
+        self.plans[i] = found
+        self._follower.follow(i, found)
+        if not found.success:
+            self._retry_at[i] = world["time_s"] + 3600.0
+
+    def _planned(self, world: np.void, seed: np.random.SeedSequence) -> Plan:
+        params, ocean = self.batch.params, self.batch.ocean
+        goal = float(world["goal_x"]), float(world["goal_y"])
+        problem = DriftHopProblem(
+            velocity=ocean.velocity, axes=ocean.axes, clearance=ocean.clearance,
+            clearance_grid=ocean.clearance_grid, field_index=int(world["forecast"]),
+            obstacle_index=int(world["obstacle"]), start=(float(world["x"]), float(world["y"])), goal=goal,
+            half_width_m=params.half_width_m, goal_radius_m=params.goal_radius_m, max_hop_m=params.max_hop_m,
+            airspeed_m_s=params.airspeed_m_s, flight_power_w=params.flight_power_w,
+            time_s=float(world["clock_s"] + world["time_s"]),
+            horizon_s=max(float(params.horizon_s - world["time_s"]), 1.0),
+            drift_step_s=params.action_period_s / params.sub_steps, team=ocean.team,
+            target=(goal[0] + params.target_offset[0], goal[1] + params.target_offset[1]),
+        )  # fmt: skip
+        if self.variant != "product":
+            kind = self.variant.removeprefix("published-")
+            return plan_published(problem, seed=seed, variant=kind, iterations=self.iterations)
+        return plan(
+            problem, seed=seed, iterations=self.iterations, action_period_s=params.action_period_s,
+            min_hop_m=self._min_hop, margin_m=self.margin_m, euler=params.integrator == "euler",
+        )  # fmt: skip

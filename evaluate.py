@@ -1,0 +1,172 @@
+"""Run the benchmark, or reproduce the published tables: `python evaluate.py --help` tells how."""
+
+from __future__ import annotations
+
+import inspect
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from tyro.conf import arg
+
+from aquaquad_envs.errors import AquaQuadError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Run policies over suites of frozen seeds, and write a report.
+
+    Without options: every policy on every suite at the quick size, in minutes. Open index.html in the
+    output folder; results.json beside it holds the same numbers. Every policy meets the same
+    seeds, which training never uses. Ctrl-C keeps what is finished.
+
+    Examples:
+      python evaluate.py
+      python evaluate.py --suite gyres --policies direct-flight,dr-rrt-star,ppo --episodes 300
+      python evaluate.py --suite file --currents ocean.nc --currents-center 36.6 -122.2
+      python evaluate.py published --runs 1000
+
+    `python evaluate.py published` reproduces the published table of DR-RRT* beside ours
+    (`python evaluate.py published --help`).
+    """
+
+    task: Annotated[str, arg(metavar="TASK")] = "drift-hop"
+    """decision problem: drift-hop"""
+    policies: Annotated[tuple[str, ...], arg(metavar="NAME,NAME...", help_behavior_hint="")] = ()
+    """random, drift, direct-flight, dr-rrt-star, optimal, ppo; also ppo=FOLDER for a checkpoint that you trained,
+    MODULE:CLASS for a policy that you wrote (default: all that ship)"""
+    suite: Annotated[tuple[str, ...], arg(metavar="NAME,NAME...", help_behavior_hint="")] = ()
+    """vortex, vortex-perturbed, gyres, forecast-error, file (default: all; file only when --currents is given)"""
+    episodes: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
+    """episodes of each suite (default: each suite's quick size, 24 to 100)"""
+    seed: Annotated[int, arg(metavar="N")] = 0
+    """which set of frozen seeds, 0 to 99"""
+    currents: Annotated[tuple[Path, ...], arg(metavar="FILE.nc", help_behavior_hint="")] = ()
+    """NetCDF file of an ocean model, for suite file; two files where u and v lie apart"""
+    currents_center: Annotated[tuple[float, float] | None, arg(metavar="LAT LON", help_behavior_hint="")] = (
+        None
+    )
+    """degrees north and east of the middle of the box in that file (default: the middle of its data)"""
+    output: Annotated[Path, arg(metavar="DIR")] = Path("runs/evaluation")
+    """folder of the report"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PublishedOptions:
+    """Reproduce the published table of DR-RRT* (Dillard 2014, App. C): both variants, energy and time.
+
+    Prints the published figures beside ours and writes published.json and published.html.
+
+    Example:
+      python evaluate.py published --runs 1000
+    """
+
+    runs: Annotated[int, arg(metavar="N")] = 1000
+    """independent runs of each variant (published: 1000)"""
+    seed: Annotated[int, arg(metavar="N")] = 0
+    """seed of the first run; run i has this + i"""
+    output: Annotated[Path, arg(metavar="DIR")] = Path("runs/evaluation")
+    """folder of the report"""
+
+
+def benchmark(options: Options, arguments: list[str], console: Console) -> int:
+    """Run the benchmark that ``options`` ask for; returns the exit status."""
+    from evaluation.benchmark import Benchmark
+    from evaluation.policies import find_policies
+    from evaluation.report import print_summary, write_report
+    from evaluation.suites import find_suites
+
+    suites = find_suites(
+        options.task,
+        _split(options.suite),
+        currents=options.currents,
+        center=options.currents_center,
+    )
+    run = Benchmark(
+        task=options.task,
+        suites=suites,
+        policies=find_policies(options.task, _split(options.policies)),
+        seed=options.seed,
+        output=options.output,
+        arguments=arguments,
+        episodes=options.episodes,
+    )
+    columns = (
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("episodes"),
+        TimeRemainingColumn(),
+    )  # fmt: skip
+    status = 0
+    with Progress(*columns, console=console, transient=True) as progress:
+        bar = progress.add_task("starting", total=run.steps)
+
+        def advance(suite: str, policy: str, episodes: int) -> None:
+            progress.update(bar, advance=episodes, description=f"{suite}: {policy}")
+
+        run.advance = advance
+        try:
+            run.run()
+        except KeyboardInterrupt:
+            run.write()
+            status = 130
+    report = write_report(run)
+    print_summary(run, console)
+    console.print(
+        f"{'Interrupted; what was finished is' if status else 'Report'} in {report}", soft_wrap=True
+    )
+    if status == 0 and run.crashed:
+        status = 1
+    return status
+
+
+def published(options: PublishedOptions, arguments: list[str], console: Console) -> int:
+    """Reproduce the published table; returns the exit status."""
+    from evaluation.published import print_table, reproduce
+
+    with Progress(console=console, transient=True) as progress:
+        bar = progress.add_task("published DR-RRT*", total=2 * options.runs)
+        table = reproduce(
+            options.runs, options.seed, options.output, arguments, lambda: progress.advance(bar)
+        )
+    print_table(table, console)
+    console.print(f"Written to {options.output / 'published.json'} and published.html", soft_wrap=True)
+    return 0
+
+
+def _split(names: Sequence[str]) -> list[str]:
+    return [part for name in names for part in name.split(",") if part]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Parse, call, print; returns the exit status: 1 a policy crashed, 2 wrong input, 130 interrupted."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    # Plain text for pipes and files; Rich decides for terminals.
+    console = Console(width=None if sys.stdout.isatty() else 120)
+    try:
+        if given[:1] == ["published"]:
+            chosen = tyro.cli(
+                PublishedOptions,
+                prog="evaluate.py published",
+                args=given[1:],
+                description=inspect.getdoc(PublishedOptions),
+            )
+            return published(chosen, given, console)
+        options = tyro.cli(Options, prog="evaluate.py", args=given, description=inspect.getdoc(Options))
+        return benchmark(options, given, console)
+    except AquaQuadError as error:
+        print(f"evaluate.py: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"evaluate.py: {error.strerror}: {error.filename}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("evaluate.py: interrupted", file=sys.stderr)
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,94 @@
+"""Every policy that the benchmark knows, scripted and learned, by name, and the user's own."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from aquaquad_envs.errors import CheckpointError, InvalidParameterError, check_choice
+from aquaquad_envs.tasks.batch import WorldBatch
+from baselines import POLICIES, Policy, make_policy
+
+LEARNED = "ppo"
+
+ABOUT = {
+    "random": "any action, uniformly",
+    "drift": "never flies",
+    "direct-flight": "the shortest flight to the goal that lands on open water",
+    "dr-rrt-star": "a tree of drifts and hops, grown towards the goal, improved, followed, replanned on a miss",
+    "optimal": "greedy look-ahead on the least-flight-energy value function, solved on a grid",
+    "ppo": "a learned network",
+}
+
+
+def policy_names(task: str) -> list[str]:
+    """Names of the policies of ``task``, in the order of the report."""
+    return [*POLICIES[task], LEARNED]
+
+
+def find_policies(task: str, names: Sequence[str]) -> list[str]:
+    """``names``, checked, each once; all that ship by default.
+
+    A name is one of :func:`policy_names`, ``ppo=FOLDER`` (a checkpoint of your own) or ``module:Class`` (a
+    policy of your own). Raises ``InvalidParameterError`` naming the nearest, or ``CheckpointError``.
+    """
+    for name in names:
+        if ":" in name:
+            _own_class(name)
+            continue
+        known, _, folder = name.partition("=")
+        check_choice("policy", known, policy_names(task))
+        if "=" in name and known != LEARNED:
+            raise InvalidParameterError(
+                "policy", name, f"{known}; only {LEARNED} takes a checkpoint after '='"
+            )
+        if "=" in name and not Path(folder).is_dir():
+            raise CheckpointError(
+                f"{name}: no folder {folder!r}, expected one that train.py wrote (OUTPUT/policy)."
+            )
+    return list(dict.fromkeys(names)) or policy_names(task)
+
+
+def build_policy(name: str, batch: WorldBatch) -> Policy:
+    """The policy called ``name`` for ``batch``.
+
+    Raises ``CheckpointError`` where a learned one has no checkpoint that fits, or lacks a package.
+    """
+    if ":" in name:
+        return _own_class(name)(batch)
+    known, _, folder = name.partition("=")
+    if known != LEARNED:
+        return make_policy(known, batch)
+    try:
+        from agents.learned import LearnedPolicy
+
+        return LearnedPolicy(batch, checkpoint=folder or None)
+    except ModuleNotFoundError as error:
+        raise CheckpointError(f"ppo: needs the package {error.name}; install the extra 'train'.") from error
+
+
+def about(name: str) -> str:
+    """One line on what the policy does."""
+    return ABOUT.get(name.partition("=")[0], "")
+
+
+def description(policy: Any) -> dict[str, Any]:
+    """What the report says of a policy: its information, and where a learned one comes from."""
+    card = getattr(policy, "card", None) or {}
+    kept = ("command", "steps", "seed", "algorithm", "scenario", "sha256")
+    found: dict[str, Any] = {"information": str(getattr(policy, "information", "not stated"))}
+    if card:
+        found["checkpoint"] = {key: card[key] for key in kept if key in card}
+    return found
+
+
+def _own_class(name: str) -> Any:
+    module, _, attribute = name.partition(":")
+    try:
+        return getattr(importlib.import_module(module), attribute)
+    except (ImportError, AttributeError) as error:
+        raise InvalidParameterError(
+            "policy", name, "MODULE:CLASS that can be imported", f"{type(error).__name__}: {error}."
+        ) from error

@@ -1,0 +1,171 @@
+"""The published table of DR-RRT* (Dillard, NPS 2014, App. C; SPEC §6) beside ours.
+
+Published vortex, constant per cell, 60 s Euler drift, published start, goal, team and target. The obstacle set
+is not published: ours is one 2 km square at the centre.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aquaquad_envs.errors import check_range
+from aquaquad_envs.tasks.batch import make_world_batch
+from baselines import make_policy
+from baselines.dr_rrt_star import plan_published
+from baselines.problem import DriftHopProblem
+from evaluation import manifest, statistics
+from evaluation.benchmark import write_json, write_text
+from evaluation.markup import DASH, definitions, escape, number, page, percent, table
+
+#: What the source reports of 1000 runs: energy, Wh, and time, ms, each mean and standard deviation.
+PUBLISHED = {
+    "single": {"title": "single solution", "energy_wh": (38.69, 6.81), "time_ms": (190.0, 90.0)},
+    "seeking": {"title": "optimality-seeking", "energy_wh": (36.26, 3.93), "time_ms": (4964.0, 18.0)},
+}
+_WORLD = {"scenario": "vortex", "interpolation": "cell", "integrator": "euler"}
+
+
+def problem() -> tuple[DriftHopProblem, float]:
+    """The published problem and its least flight energy, Wh, from the grid."""
+    batch = make_world_batch("drift-hop", 1, **_WORLD)
+    batch.reset(0)
+    world, params, ocean = batch.worlds[0], batch.params, batch.ocean
+    goal = float(world["goal_x"]), float(world["goal_y"])
+    made = DriftHopProblem(
+        velocity=ocean.velocity, axes=ocean.axes, clearance=ocean.clearance, clearance_grid=ocean.clearance_grid,
+        start=(float(world["start_x"]), float(world["start_y"])), goal=goal, half_width_m=params.half_width_m,
+        goal_radius_m=params.goal_radius_m, max_hop_m=params.max_hop_m, airspeed_m_s=params.airspeed_m_s,
+        flight_power_w=params.flight_power_w, team=ocean.team,
+        target=(goal[0] + params.target_offset[0], goal[1] + params.target_offset[1]),
+    )  # fmt: skip
+    bound = make_policy("optimal", batch).bound_wh()  # type: ignore[attr-defined]
+    return made, float(bound[0])
+
+
+def reproduce(
+    runs: int, seed: int, output: Path, arguments: list[str], advance: Callable[[], None]
+) -> dict[str, Any]:
+    """Run both variants ``runs`` times, write ``published.json`` and ``published.html``; returns the table."""
+    check_range("runs", runs, 1, 1_000_000)
+    check_range("seed", seed, 0, 2**62)
+    begun = time.perf_counter()
+    task, bound = problem()
+    found: dict[str, Any] = {
+        "schema": 1,
+        "machine": manifest.machine(),
+        "manifest": manifest.run_manifest(arguments),
+        "runs": runs,
+        "seed": seed,
+        "direct_wh": task.direct_energy_wh,
+        "bound_wh": bound,
+        "rows": [],
+    }
+    for variant, published in PUBLISHED.items():
+        # Compiled code is loaded before the clock runs.
+        plan_published(task, seed=seed, variant=variant)
+        plans = []
+        for run in range(runs):
+            plans.append(plan_published(task, seed=seed + run, variant=variant))
+            advance()
+        energy = np.array([plan.flight_energy_wh if plan.success else np.nan for plan in plans])
+        times = np.array([1e3 * plan.planning_time_s for plan in plans])
+        ours = statistics.summary(energy, robust=True)
+        found["rows"].append(
+            {
+                "variant": variant,
+                "title": published["title"],
+                "published": {
+                    **published, "saving_vs_direct": 1 - published["energy_wh"][0] / task.direct_energy_wh,
+                },
+                "arrived": statistics.summary(np.isfinite(energy), share=True),
+                "energy_wh": ours,
+                "saving_vs_direct": 1 - ours["mean"] / task.direct_energy_wh,
+                "optimality_gap": ours["mean"] / bound - 1,
+                "time_ms": statistics.summary(times),
+                "iterations": statistics.summary(np.array([plan.iterations for plan in plans], dtype=float)),
+            }
+        )  # fmt: skip
+    found["manifest"]["wall_s"] = time.perf_counter() - begun
+    write_json(output / "published.json", found)
+    body = f"<h1>Published DR-RRT* beside ours</h1>{section(found)}<h2>This run</h2>" + definitions(
+        {**found["manifest"], **{k: v for k, v in found["machine"].items() if k != "packages"}}
+    )
+    write_text(output / "published.html", page("Published DR-RRT* beside ours", body))
+    return found
+
+
+def _rows(found: dict[str, Any]) -> list[list[str]]:
+    """Cells that the page and the terminal share."""
+    rows = []
+    for row in found["rows"]:
+        theirs = row["published"]
+        rows.append(
+            [
+                row["title"],
+                f"{number(theirs['energy_wh'][0])} ± {number(theirs['energy_wh'][1])}",
+                f"{number(row['energy_wh']['mean'])} ± {number(row['energy_wh']['std'])}",
+                " … ".join(number(bound) for bound in row["energy_wh"]["ci95"]),
+                percent(theirs["saving_vs_direct"]),
+                percent(row["saving_vs_direct"]),
+                f"{number(theirs['time_ms'][0], 0)} ± {number(theirs['time_ms'][1], 0)}",
+                f"{number(row['time_ms']['mean'])} ± {number(row['time_ms']['std'])}",
+                percent(row["arrived"]["mean"], 1),
+            ]
+        )
+    rows.append(
+        ["straight flight", number(found["direct_wh"], 1), number(found["direct_wh"], 1), *[DASH] * 6]
+    )
+    saving = 1 - found["bound_wh"] / found["direct_wh"]
+    rows.append(["grid optimum", DASH, number(found["bound_wh"]), DASH, DASH, percent(saving), *[DASH] * 3])
+    return rows
+
+
+_HEAD = (
+    "", "published:\nenergy, Wh", "ours:\nenergy, Wh", "95 % of\nthe mean", "published:\nunder direct",
+    "ours:\nunder direct", "published:\ntime, ms", "ours:\ntime, ms", "ours:\narrived",
+)  # fmt: skip
+
+
+#: The column that only the page has room for.
+_INTERVAL = 3
+
+
+def section(found: dict[str, Any]) -> str:
+    """The table as HTML."""
+    head = [escape(text).replace("\n", "<br>") for text in _HEAD]
+    return (
+        f'<p class="soft">{found["runs"]} runs of each variant, seeds from {found["seed"]}; published: 1000 runs. '
+        "Mean ± standard deviation. The published obstacle set is unknown; ours is one 2 km square at the centre. "
+        "Times are of this machine, one thread.</p>"
+        + table(head, [[escape(cell) for cell in row] for row in _rows(found)])
+    )
+
+
+def section_in(output: Path) -> str | None:
+    """The table of an earlier ``published`` run in the same folder, None where there is none that can be read."""
+    try:
+        return section(json.loads((output / "published.json").read_text(encoding="utf-8")))
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def print_table(found: dict[str, Any], console: Any) -> None:
+    """The table on the terminal."""
+    from rich.table import Table
+
+    shown = Table(
+        title=f"DR-RRT*, published (1000 runs) and ours ({found['runs']} runs); mean ± standard deviation",
+        title_justify="left",
+    )
+    for k, text in enumerate(_HEAD):
+        if k != _INTERVAL:
+            shown.add_column(text, justify="right" if k else "left", no_wrap=True)
+    for row in _rows(found):
+        shown.add_row(*(cell for k, cell in enumerate(row) if k != _INTERVAL))
+    console.print(shown)

@@ -1,0 +1,169 @@
+"""Suites: what is evaluated on, with frozen seeds that training never uses.
+
+Training draws its seeds from 1 000 000 up and its random fields with ``field_seed=1``; suites
+use seeds below that and ``field_seed=0``.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aquaquad_envs.errors import AquaQuadError, InvalidParameterError, check_choice, check_range
+from aquaquad_envs.tasks.task import TASKS
+
+#: Seeds of one ``--seed`` value; the values reach from 0 to 99, so that all stay below training's.
+SEEDS_EACH, MOST_SEEDS = 10_000, 100
+STRATA = ("easy", "medium", "hard")
+STRATA_FILE = "strata_seeds.json"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Suite:
+    """One table of the benchmark: parameters of the worlds, and their seeds.
+
+    Parameters
+    ----------
+    task, name: on command lines. about: one sentence for the report.
+    params: keyword parameters of the worlds. episodes: at the quick size.
+    stratified: seeds come in equal parts from the frozen strata of difficulty.
+    """
+
+    task: str
+    name: str
+    about: str
+    params: dict[str, Any] = field(default_factory=dict)
+    episodes: int
+    stratified: bool = False
+
+    def seeds(self, episodes: int, seed: int) -> np.ndarray:
+        """The frozen seeds of ``episodes`` episodes; ``seed`` picks another set of them."""
+        return np.concatenate(list(self.strata_seeds(episodes, seed).values()))
+
+    def strata_seeds(self, episodes: int, seed: int) -> dict[str, np.ndarray]:
+        """Seeds by stratum, in the order of :meth:`seeds`; one stratum "" where there are none."""
+        for name, value, bounds in (
+            ("episodes", episodes, (1, SEEDS_EACH)),
+            ("seed", seed, (0, MOST_SEEDS - 1)),
+        ):
+            check_range(name, value, *bounds)
+        if not self.stratified:
+            return {"": SEEDS_EACH * seed + np.arange(episodes)}
+        frozen = frozen_strata()
+        held = min(len(frozen[stratum]) for stratum in STRATA)
+        if episodes > held * len(STRATA):
+            raise InvalidParameterError(
+                "episodes", episodes, f"at most {held * len(STRATA)} in suite {self.name}",
+                "Its strata of difficulty hold no more frozen seeds.",
+            )  # fmt: skip
+        sizes = [episodes // 3 + (k < episodes % 3) for k in range(len(STRATA))]
+        chosen = {}
+        for stratum, size in zip(STRATA, sizes, strict=True):
+            order = np.arange(held) if seed == 0 else np.random.default_rng(seed).permutation(held)
+            chosen[stratum] = np.array(frozen[stratum])[order[:size]]
+        return {stratum: seeds for stratum, seeds in chosen.items() if len(seeds)}
+
+
+@lru_cache(maxsize=1)
+def frozen_strata() -> dict[str, list[int]]:
+    """Seeds of each stratum of ``gyres``, as ``python -m evaluation.strata`` froze them."""
+    text = resources.files("evaluation").joinpath(STRATA_FILE).read_text()
+    return json.loads(text)["seeds"]
+
+
+#: Suites by task, in the order of the report. ``file`` needs a file and joins when one is given.
+SUITES: dict[str, tuple[Suite, ...]] = {
+    "drift-hop": (
+        Suite(
+            task="drift-hop", name="vortex", params={"scenario": "vortex"}, episodes=100,
+            about="the published vortex, start and goal, with one 2 km square obstacle at the centre",
+        ),
+        Suite(
+            task="drift-hop", name="vortex-perturbed", params={"scenario": "vortex-perturbed"}, episodes=100,
+            about="the same, start and goal each anywhere within 500 m of the published ones",
+        ),
+        Suite(
+            task="drift-hop", name="gyres", params={"scenario": "gyres"}, episodes=90, stratified=True,
+            about="random divergence-free currents that change with time, random starts, goals and obstacles, in equal "
+            "parts from three strata of difficulty",
+        ),
+        Suite(
+            task="drift-hop", name="forecast-error", params={"scenario": "forecast-error"}, episodes=90,
+            stratified=True, about="the episodes of gyres, but policies see a forecast that differs from the "
+            "current that carries them (relative error 0.4)",
+        ),
+        Suite(
+            task="drift-hop", name="file", params={"scenario": "file"}, episodes=24,
+            about="currents of an ocean model from a NetCDF file, land as obstacles, random starts and goals",
+        ),
+    ),
+}  # fmt: skip
+
+
+def find_suites(
+    task: str,
+    names: Sequence[str] = (),
+    *,
+    currents: Sequence[Path] = (),
+    center: tuple[float, float] | None = None,
+) -> list[Suite]:
+    """Suites of ``task`` by ``names``, all that can run by default; ``currents`` feeds ``file``.
+
+    Raises ``InvalidParameterError`` naming the nearest known name, or the file that is missing.
+    """
+    check_choice("task", task, TASKS)
+    known = {suite.name: suite for suite in SUITES[task]}
+    for name in names:
+        check_choice("suite", name, known)
+    for path in currents:
+        if not Path(path).is_file():
+            raise InvalidParameterError("currents", str(path), "the path of a NetCDF file that exists")
+    if len(currents) > 2:
+        raise InvalidParameterError("currents", f"{len(currents)} files", "one file, or two: u and v")
+    if "file" in names and not currents:
+        raise InvalidParameterError("currents", None, "the path of a NetCDF file", "Suite file reads it.")
+    if center is not None and not currents:
+        raise InvalidParameterError("currents_center", center, "a --currents file to go with it")
+    chosen = list(names) or [name for name in known if name != "file" or currents]
+    if currents and "file" not in chosen:
+        raise InvalidParameterError(
+            "suite", ", ".join(names), "file among the suites", "--currents feeds that one."
+        )
+    return [
+        _with_currents(known[name], currents, center) if name == "file" else known[name] for name in chosen
+    ]
+
+
+def _with_currents(suite: Suite, currents: Sequence[Path], center: tuple[float, float] | None) -> Suite:
+    files = tuple(str(path) for path in currents)
+    params = {
+        **suite.params,
+        "currents_file": files if len(files) > 1 else files[0],
+        "currents_center": center,
+    }
+    names = " and ".join(Path(path).name for path in files)
+    return Suite(
+        task=suite.task, name=suite.name, about=f"{suite.about}: {names}", params=params, episodes=suite.episodes,
+    )  # fmt: skip
+
+
+def check_strata_exist() -> None:
+    """Raise ``AquaQuadError`` with the remedy where the frozen strata are missing or damaged."""
+    try:
+        strata = frozen_strata()
+        sound = all(len(strata[stratum]) for stratum in STRATA)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise AquaQuadError(
+            f"evaluation/{STRATA_FILE}: {error}; make it with `python -m evaluation.strata`."
+        ) from error
+    if not sound:
+        raise AquaQuadError(
+            f"evaluation/{STRATA_FILE}: a stratum is empty; run `python -m evaluation.strata`."
+        )
