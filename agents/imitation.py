@@ -18,8 +18,8 @@ from aquaquad_envs.tasks.batch import WorldBatch, make_world_batch
 from baselines.optimal import Optimal
 
 #: Missions a round that each world is scattered to and started anew, its goal and field kept.
-MISSIONS_PER_ROUND = 4
-_MINIBATCH = 2048
+MISSIONS_PER_ROUND = 12
+_MINIBATCH = 256
 
 
 def imitate(
@@ -101,13 +101,13 @@ def _fit(
     recipe: Recipe,
     order: torch.Generator,
 ) -> float:
-    """Some epochs of Huber regression; returns the last epoch's mean loss."""
+    """Some epochs of least squares; returns the last epoch's mean loss."""
     x, y = torch.from_numpy(observations), torch.from_numpy(labels)
     loss_sum = 0.0
     for _ in range(recipe.imitation_epochs):
         loss_sum = 0.0
         for part in torch.randperm(len(x), generator=order).split(_MINIBATCH):
-            loss = torch.nn.functional.smooth_l1_loss(actor(x[part]), y[part], beta=0.1)
+            loss = torch.nn.functional.mse_loss(actor(x[part]), y[part])
             optimiser.zero_grad()
             loss.backward()
             optimiser.step()

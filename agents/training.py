@@ -61,7 +61,7 @@ def train(
     check_steps(steps)
     output.mkdir(parents=True, exist_ok=True)
     model = build(recipe, seed=seed, threads=threads, log_folder=output / "tensorboard")
-    progress = {"frames": 0, "best_score": None, "wall_s": 0.0}
+    progress: dict[str, Any] = {"frames": 0, "best_score": None, "wall_s": 0.0}
     if resume:
         tensors, card = checkpoints.load(output / "training", task=recipe.task, kind="training")
         same = {"recipe": json.loads(json.dumps(dataclasses.asdict(recipe))), "seed": seed}

@@ -48,9 +48,9 @@ class Tree(NamedTuple):
         """Room for every node that ``iterations`` can add: a drift each and a hop every tenth."""
         size = iterations + iterations // PATIENCE + 2
         return Tree(
-            np.empty(size), np.empty(size), np.empty(size), np.empty(size, np.int32), np.empty(size, np.uint8),
-            np.empty(size, np.int32), np.empty(size, np.int32), np.full((BUCKETS, BUCKETS), -1, np.int32),
-            np.empty(size, np.int32),
+            np.empty(size), np.empty(size), np.empty(size), np.empty(size, np.int64), np.empty(size, np.uint8),
+            np.empty(size, np.int64), np.empty(size, np.int64), np.full((BUCKETS, BUCKETS), -1, np.int64),
+            np.empty(size, np.int64),
         )  # fmt: skip
 
 
@@ -245,7 +245,7 @@ def grow_published(tree, m, start_x, start_y, iterations, seeking, state, path):
 
     ``path`` (nodes, 3) receives x, y and whether the point was reached by flight.
     """
-    found = np.empty(NEAREST, np.int32)
+    found = np.empty(NEAREST, np.int64)
     squared = np.empty(NEAREST)
     _add(tree, m, 0, start_x, start_y, 0, 0.0, 0)
     count = 1

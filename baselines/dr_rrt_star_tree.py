@@ -81,10 +81,10 @@ class Sparse(NamedTuple):
         cells = round(2.0 / CELL_M_PER_HALF_WIDTH)
         pool = nodes * chain
         return Sparse(
-            np.empty(nodes, np.int32), np.empty(nodes, np.int32), np.empty(nodes), np.empty(nodes),
+            np.empty(nodes, np.int64), np.empty(nodes, np.int64), np.empty(nodes), np.empty(nodes),
             np.empty(nodes + 1, np.int64), np.empty(pool), np.empty(pool), np.empty(nodes),
-            np.empty(nodes, np.int32), np.full((bins, cells, cells), np.inf),
-            np.empty((bins, cells, cells), np.int32), np.empty((bins, cells, cells), np.int32),
+            np.empty(nodes, np.int64), np.full((bins, cells, cells), np.inf),
+            np.empty((bins, cells, cells), np.int64), np.empty((bins, cells, cells), np.int64),
             np.empty((BACKWARD_CHAINS, chain)), np.empty((BACKWARD_CHAINS, chain)),
             np.empty(BACKWARD_CHAINS, np.int64), np.empty(BACKWARD_CHAINS, np.int64), np.empty(BACKWARD_CHAINS),
         )  # fmt: skip

@@ -98,7 +98,7 @@ def follow(sea, values, landings, floats, k, chart, x, y, t, period, periods):
                 np.sqrt((x - chart.goal_x) ** 2 + (y - chart.goal_y) ** 2) - chart.goal_radius, 0.0
             )
             return flown + distance, t + flight_time(distance, chart.airspeed)
-        zx, zy, _ = meet(values, landings, floats, k, landing, chart, x, y, t)
+        zx, zy, _ = meet(values, floats, k, landing, chart, x, y, t)
         distance = np.sqrt((zx - x) ** 2 + (zy - y) ** 2)
         flown += distance
         t += flight_time(distance, chart.airspeed)
@@ -235,7 +235,7 @@ def decide(sea, values, landings, floats, k, chart, x, y, t, period, sub_steps, 
         return
     zx, zy = chart.goal_x, chart.goal_y
     if landing >= 0:
-        zx, zy, _ = meet(values, landings, floats, k, landing, chart, x, y, t)
+        zx, zy, _ = meet(values, floats, k, landing, chart, x, y, t)
         if drifts_on(values, landings, floats, k, landing):
             zx, zy, cost = refine_landing(
                 sea, values, landings, floats, k, chart, x, y, t, zx, zy, min_hop, period, periods

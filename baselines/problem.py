@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -92,7 +93,7 @@ class DriftHopProblem:
         *,
         start: tuple[float, float],
         goal: tuple[float, float],
-        **settings: float,
+        **settings: Any,
     ) -> DriftHopProblem:
         """The problem on one field and one obstacle map; ``settings`` as the class's own."""
         return DriftHopProblem(

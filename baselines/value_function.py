@@ -115,56 +115,72 @@ def drift_for(sea, x, y, t, duration):
 
 
 @kernel
-def place_of(values, landings, floats, k, landing, chart, t):
-    """Where a landing place lies at time ``t`` and what V is there: (x, y, V); V is inf where there is none."""
+def meet(values, floats, k, landing, chart, x, y, t):
+    """Where a flight that leaves (x, y) at ``t`` meets its landing place (a node or float): (x, y, V there).
+
+    V is inf where there is nothing to meet. A float moves while the vehicle flies to it, and keeps its
+    V until it is left, at the end of its slice or later.
+    """
     frames = values.shape[1]
-    frame = 0
-    f = 0.0
-    if frames > 1:
-        if t > chart.time_step * (frames - 1) + 1e-6:
-            return 0.0, 0.0, np.inf
+    row, column = (landing >> 15) & 0x7FFF, landing & 0x7FFF
+    i = landing - FLOAT
+    zx = chart.grid.x0 + chart.grid.spacing * column
+    zy = chart.grid.y0 + chart.grid.spacing * row
+    if frames == 1:
+        return zx, zy, np.float64(values[k, 0, row, column])
+    arrival = t
+    for attempt in range(2):
+        if attempt == 1 or landing < FLOAT:
+            arrival = t + flight_time(np.sqrt((zx - x) ** 2 + (zy - y) ** 2), chart.airspeed)
+        if arrival > chart.time_step * (frames - 1) + 1e-6:
+            return zx, zy, np.inf
         # Rounding must not look into the slice before, which a backward sweep has not filled yet.
-        frame = min(int(t / chart.time_step + 1e-6), frames - 1)
-        f = max(t / chart.time_step - frame, 0.0)
-    if landing >= FLOAT:
-        # A float moves, and keeps its V until it is left at the end of the slice or later.
-        i = landing - FLOAT
+        frame = min(int(arrival / chart.time_step + 1e-6), frames - 1)
+        f = max(arrival / chart.time_step - frame, 0.0)
+        if landing < FLOAT:
+            value = np.float64(values[k, frame, row, column])
+            if f > 0.0:
+                # An infinite neighbour makes the result infinite: never optimistic about a deadline.
+                value = (1.0 - f) * value + f * values[k, frame + 1, row, column]
+            return zx, zy, value
         worth = np.float64(floats[k, frame, i, 2])
         if worth == np.inf:
-            return 0.0, 0.0, worth
-        x0, y0 = np.float64(floats[k, frame, i, 0]), np.float64(floats[k, frame, i, 1])
-        x1, y1 = np.float64(floats[k, frame + 1, i, 0]), np.float64(floats[k, frame + 1, i, 1])
-        return x0 + f * (x1 - x0), y0 + f * (y1 - y0), worth
-    row, column = landing >> 15, landing & 0x7FFF
-    value = np.float64(values[k, frame, row, column])
-    if f > 0.0:
-        # An infinite neighbour makes the result infinite: never optimistic about a deadline.
-        value = (1.0 - f) * value + f * values[k, frame + 1, row, column]
-    return chart.grid.x0 + chart.grid.spacing * column, chart.grid.y0 + chart.grid.spacing * row, value
+            return zx, zy, np.inf
+        zx, zy = np.float64(floats[k, frame, i, 0]), np.float64(floats[k, frame, i, 1])
+        zx += f * (floats[k, frame + 1, i, 0] - zx)
+        zy += f * (floats[k, frame + 1, i, 1] - zy)
+    return zx, zy, worth
 
 
 @kernel
-def meet(values, landings, floats, k, landing, chart, x, y, t):
-    """Where a flight that leaves (x, y) at ``t`` meets its landing place, which may move: (x, y, V there)."""
-    zx, zy, value = place_of(values, landings, floats, k, landing, chart, t)
-    if values.shape[1] > 1:
-        distance = np.sqrt((zx - x) ** 2 + (zy - y) ** 2)
-        zx, zy, value = place_of(
-            values, landings, floats, k, landing, chart, t + flight_time(distance, chart.airspeed)
-        )
-    return zx, zy, value
-
-
-@kernel
-def value_of_flight(values, landings, floats, k, landing, chart, x, y, t):
-    """Cost, m, of flying at time ``t`` from (x, y) to ``landing`` and going on from there."""
-    if landing == NOWHERE:
-        return np.inf
+def _value_with_deadline(values, floats, k, landing, chart, x, y, t):
     if landing == GOAL:
         distance = max(np.sqrt((x - chart.goal_x) ** 2 + (y - chart.goal_y) ** 2) - chart.goal_radius, 0.0)
         return distance if t + flight_time(distance, chart.airspeed) <= chart.end else np.inf
-    zx, zy, value = meet(values, landings, floats, k, landing, chart, x, y, t)
+    zx, zy, value = meet(values, floats, k, landing, chart, x, y, t)
     return np.sqrt((zx - x) ** 2 + (zy - y) ** 2) + value
+
+
+@kernel
+def value_without_deadline(frame_values, landing, chart, x, y):
+    """:func:`value_of_flight` in a steady field, which knows neither deadline nor floats (short, to be inlined)."""
+    if landing == GOAL:
+        dx, dy = chart.goal_x - x, chart.goal_y - y
+        return max(np.sqrt(dx * dx + dy * dy) - chart.goal_radius, 0.0)
+    row, column = landing >> 15, landing & 0x7FFF
+    dx = chart.grid.x0 + chart.grid.spacing * column - x
+    dy = chart.grid.y0 + chart.grid.spacing * row - y
+    return np.sqrt(dx * dx + dy * dy) + frame_values[row, column]
+
+
+@kernel
+def value_of_flight(values, floats, k, landing, chart, x, y, t):
+    """Cost, m, of flying at time ``t`` from (x, y) to ``landing`` and going on from there."""
+    if landing == NOWHERE:
+        return np.inf
+    if values.shape[1] > 1:
+        return _value_with_deadline(values, floats, k, landing, chart, x, y, t)
+    return value_without_deadline(values[k, 0], landing, chart, x, y)
 
 
 @kernel
@@ -195,7 +211,7 @@ def best_flight(values, landings, floats, k, chart, x, y, t):
     for corner in range(4):
         landing = landings[k, frame, row + corner // 2, column + corner % 2]
         if landing != last:
-            cost = value_of_flight(values, landings, floats, k, landing, chart, x, y, t)
+            cost = value_of_flight(values, floats, k, landing, chart, x, y, t)
             if cost < best:
                 best = cost
                 chosen = landing
@@ -210,7 +226,7 @@ def offer(values, landings, floats, k, frame, chart, blocked, over, row, column,
         return
     x = chart.grid.x0 + chart.grid.spacing * column
     y = chart.grid.y0 + chart.grid.spacing * row
-    cost = value_of_flight(values, landings, floats, k, landing, chart, x, y, t)
+    cost = value_of_flight(values, floats, k, landing, chart, x, y, t)
     if cost < values[k, frame, row, column] - 1e-3:
         values[k, frame, row, column] = cost
         landings[k, frame, row, column] = landing
@@ -225,81 +241,50 @@ def spread_flights(values, landings, floats, k, frame, chart, blocked, any_block
     length of the blocked stretch under a node, and a longer stretch ends the propagation. Nodes in
     obstacles only pass flights on; they are no landing places (their value is not V).
     """
-    rows, columns = values.shape[2], values.shape[3]
-    t = frame * chart.time_step if values.shape[1] > 1 else 0.0
+    V, L = values[k, frame], landings[k, frame]
+    rows, columns = V.shape
+    t = frame * chart.time_step
+    size = chart.grid.spacing
     for sweep in range(4 * rounds):
         up = 1 if sweep % 4 < 2 else -1
         right = 1 if sweep % 2 == 0 else -1
         for i in range(rows):
             row = i if up == 1 else rows - 1 - i
+            y = chart.grid.y0 + size * row
             for j in range(columns):
                 column = j if right == 1 else columns - 1 - j
-                own = landings[k, frame, row, column]
+                x = chart.grid.x0 + size * column
+                own = L[row, column]
+                best = np.float64(V[row, column])
+                below = over[row, column]
                 if sweep == 0 and own >= 0 and own != pack(row, column):
                     # The landing place may have become cheaper since it was chosen.
-                    offer(
-                        values,
-                        landings,
-                        floats,
-                        k,
-                        frame,
-                        chart,
-                        blocked,
-                        over,
-                        row,
-                        column,
-                        own,
-                        over[row, column],
-                        t,
-                    )
+                    best = min(value_of_flight(values, floats, k, own, chart, x, y, t), best)
                 for n in range(4):
                     # The row already swept (three neighbours) and the node just swept.
                     r = row if n == 3 else row - up
                     c = column - right if n == 3 else column + n - 1
                     if r < 0 or r >= rows or c < 0 or c >= columns:
                         continue
-                    landing = landings[k, frame, r, c]
-                    if landing == NOWHERE:
+                    landing = L[r, c]
+                    apart = size if n == 1 or n == 3 else np.sqrt(2.0) * size
+                    if landing == NOWHERE or V[r, c] - apart > best:
                         continue
                     run = 0.0
                     if any_blocked and (blocked[row, column] or blocked[r, c]):
-                        run = over[r, c] + chart.grid.spacing * np.sqrt(
-                            (row - r) ** 2.0 + (column - c) ** 2.0
-                        )
+                        run = over[r, c] + apart
+                        if run > chart.max_hop:
+                            continue
                     if landing != own:
-                        offer(
-                            values,
-                            landings,
-                            floats,
-                            k,
-                            frame,
-                            chart,
-                            blocked,
-                            over,
-                            row,
-                            column,
-                            landing,
-                            run,
-                            t,
-                        )
-                    if any_blocked and not blocked[r, c]:
+                        cost = value_of_flight(values, floats, k, landing, chart, x, y, t)
+                        if cost < best - 1e-3:
+                            best, own, below = cost, landing, run
+                    if any_blocked and not blocked[r, c] and V[r, c] + apart < best - 1e-3:
                         # Round a corner: land at the neighbour and fly on from there.
-                        offer(
-                            values,
-                            landings,
-                            floats,
-                            k,
-                            frame,
-                            chart,
-                            blocked,
-                            over,
-                            row,
-                            column,
-                            pack(r, c),
-                            run,
-                            t,
-                        )
-                    own = landings[k, frame, row, column]
+                        best, own, below = V[r, c] + apart, pack(r, c), run
+                V[row, column] = best
+                L[row, column] = own
+                over[row, column] = below if blocked[row, column] else 0.0
 
 
 @kernel

@@ -212,7 +212,7 @@ def _fixed_point(problem: DriftHopProblem, drift: DriftTables, tolerance_m: floa
             )
         changed = np.uint64(value_steady.changed_blocks(drift.sea, grid, before, tables.values, 0))
         change = value_steady.relax_drift(
-            *tables, 0, chart, over, drift.paths, drift.counts, drift.sample_s, drift.stride, drift.visits,
+            tables.values, tables.landings, 0, chart, over, drift.paths, drift.counts, drift.sample_s, drift.stride, drift.visits,
             changed,
         )  # fmt: skip
         spread_flights(*tables, 0, 0, chart, blocked, drift.any_blocked, over, 1)

@@ -10,7 +10,15 @@ from __future__ import annotations
 import numpy as np
 
 from aquaquad_envs.compilation import kernel
-from baselines.value_function import best_flight, cell_of, crosses_goal, drift_for, open_water, pack
+from baselines.value_function import (
+    NOWHERE,
+    cell_of,
+    crosses_goal,
+    drift_for,
+    open_water,
+    pack,
+    value_without_deadline,
+)
 
 
 @kernel
@@ -66,64 +74,58 @@ def drift_paths(sea, grid, sample_s, paths, counts, visits):
 
 
 @kernel
-def at_least(values, landings, floats, k, chart, x, y):
-    """A lower estimate of V of a steady field at (x, y): V has slope 1 at most."""
-    row, column, fx, fy = cell_of(chart.grid, values.shape[2], values.shape[3], x, y)
-    right, up = int(fx > 0.5), int(fy > 0.5)
-    value = np.float64(values[k, 0, row + up, column + right])
-    if value == np.inf:
-        return -np.inf
-    return value - chart.grid.spacing * np.sqrt((fx - right) ** 2 + (fy - up) ** 2)
-
-
-@kernel
-def relax_drift(values, landings, floats, k, chart, over, paths, counts, sample_s, stride, visits, changed):
+def relax_drift(values, landings, k, chart, over, paths, counts, sample_s, stride, visits, changed):
     """Steady field: let every node drift, then fly (or arrive); returns the greatest decrease of V, m.
 
     A node whose drift pays becomes its own landing place. ``stride`` is the longest way between two
     samples, m: V has slope 1 at most, so samples that cannot pay are skipped, and so are nodes
     whose drift visits no block of the box where V ``changed`` since the last time.
     """
+    V, L = values[k, 0], landings[k, 0]
+    rows, columns = V.shape
+    grid = chart.grid
+    reach = stride + chart.goal_radius
     greatest = 0.0
-    for row in range(values.shape[2]):
-        for column in range(values.shape[3]):
+    for row in range(rows):
+        for column in range(columns):
             if visits[row, column] & changed == 0:
                 continue
-            best = np.float64(values[k, 0, row, column])
-            before = best
+            before = best = np.float64(V[row, column])
             i = 0
             while i < counts[row, column]:
                 x, y = np.float64(paths[row, column, i, 0]), np.float64(paths[row, column, i, 1])
-                x0 = (
-                    np.float64(paths[row, column, i - 1, 0])
-                    if i
-                    else chart.grid.x0 + chart.grid.spacing * column
-                )
-                y0 = (
-                    np.float64(paths[row, column, i - 1, 1])
-                    if i
-                    else chart.grid.y0 + chart.grid.spacing * row
-                )
                 price = chart.price * sample_s * (i + 1)
                 if price >= best:
                     break
-                if crosses_goal(chart, x0, y0, x, y):
-                    best = price
-                    break
-                # One look-up settles most samples: V here is at least V at the next node less the way there.
-                gap = at_least(values, landings, floats, k, chart, x, y) + price - best
-                if gap >= 0.0:
-                    i += 1 + int(min(gap / stride, 1e6))
-                    continue
-                cost, _ = best_flight(values, landings, floats, k, chart, x, y, 0.0)
+                if abs(x - chart.goal_x) < reach and abs(y - chart.goal_y) < reach:
+                    x0, y0 = grid.x0 + grid.spacing * column, grid.y0 + grid.spacing * row
+                    if i > 0:
+                        x0, y0 = (
+                            np.float64(paths[row, column, i - 1, 0]),
+                            np.float64(paths[row, column, i - 1, 1]),
+                        )
+                    if crosses_goal(chart, x0, y0, x, y):
+                        best = price
+                        break
+                r, c, fx, fy = cell_of(grid, rows, columns, x, y)
+                # One look-up settles most samples: V is at least V at the nearest node less the way there.
+                right, up = int(fx > 0.5), int(fy > 0.5)
+                nearest = np.float64(V[r + up, c + right])
+                cost = nearest - grid.spacing * np.sqrt((fx - right) ** 2 + (fy - up) ** 2)
+                if cost + price < best or nearest == np.inf:
+                    cost = np.inf
+                    for corner in range(4):
+                        landing = L[r + corner // 2, c + corner % 2]
+                        if landing != NOWHERE:
+                            cost = min(cost, value_without_deadline(V, landing, chart, x, y))
                 if cost + price < best - 1e-3:
                     best = cost + price
                     i += 1
                 else:
-                    i += 1 + int(min((cost + price - best) / stride, 1e6))
+                    i += 1 + int(min(max(cost + price - best, 0.0) / stride, 1e6))
             if best < before - 1e-3:
                 greatest = max(greatest, before - best)
-                values[k, 0, row, column] = best
-                landings[k, 0, row, column] = pack(row, column)
+                V[row, column] = best
+                L[row, column] = pack(row, column)
                 over[row, column] = 0.0
     return greatest

@@ -25,6 +25,8 @@ from baselines.value_function import (
 
 #: States of a float in a slice: none; goes no further; drifts to the next slice; arrives on the way there.
 EMPTY, ENDS, DRIFTS, ARRIVES = 0, 1, 2, 3
+#: A float that is this much too dear before it has moved towards a vehicle in flight is not looked at, m.
+_SLACK_M = 20.0
 #: Floats about one node above which further ones are given up.
 _CROWDED = 3
 #: Straight pieces that a slice of drift is looked at in when the goal is near.
@@ -135,6 +137,10 @@ def sweep_back(values, landings, floats, states, k, chart, blocked, any_blocked,
             row, column, _, _ = cell_of(chart.grid, rows, columns, x, y)
             for corner in range(4):
                 r, c = row + corner // 2, column + corner % 2
+                dx = chart.grid.x0 + chart.grid.spacing * c - x
+                dy = chart.grid.y0 + chart.grid.spacing * r - y
+                if np.sqrt(dx * dx + dy * dy) + spots[frame, i, 2] > values[k, frame, r, c] + _SLACK_M:
+                    continue
                 run = chart.grid.spacing if blocked[r, c] else 0.0
                 offer(values, landings, floats, k, frame, chart, blocked, over, r, c, FLOAT + i, run, t)
         spread_flights(values, landings, floats, k, frame, chart, blocked, any_blocked, over, 1)

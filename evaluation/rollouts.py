@@ -1,7 +1,7 @@
 """Policies over a suite's seeds, in small chunks on a few threads.
 
 An episode depends on its seed alone, so that chunks change nothing but memory and time. Kernels
-hold no GIL; each chunk has its own batch and its own instance of the policy.
+hold no GIL; each thread has its own worlds and its own instance of the policy.
 """
 
 from __future__ import annotations
@@ -75,10 +75,16 @@ def run_policy(
 ) -> tuple[EpisodeResults, dict[str, Any]]:
     """Episodes of policy ``name`` on ``seeds``, with tracks, and the policy's description."""
     described = _warm_up(suite, name)
+    mine = threading.local()
 
     def work(chunk: np.ndarray) -> EpisodeResults:
-        batch = make_batch(suite, len(chunk))
-        return rollout(build_policy(name, batch), batch, chunk, tracks=True, on_decision=workers.check)
+        # A thread keeps its worlds and policies: what a planner knows of a field serves the next chunk too.
+        known = mine.__dict__.setdefault(len(chunk), [])
+        if not known:
+            batch = make_batch(suite, len(chunk))
+            known[:] = batch, build_policy(name, batch)
+        batch, policy = known
+        return rollout(policy, batch, chunk, tracks=True, on_decision=workers.check)
 
     return EpisodeResults.join(workers.map(work, seeds, progress)), described
 

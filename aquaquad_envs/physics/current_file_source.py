@@ -69,15 +69,18 @@ def _open(xarray_module: Any, path: Path) -> xarray.Dataset:
         raise CurrentFileError(f"reading {path.name!r} needs netCDF4: pip install 'aquaquad-envs[files]'")
     if head[:4] in (b"CDF\x01", b"CDF\x02"):
         _check_whole(path)
-    failures = []
-    for engine in engines:
-        try:
-            return xarray_module.open_dataset(path, engine=engine.lower(), decode_cf=False, cache=False)
-        except Exception as error:
-            failures.append(f"{engine}: {type(error).__name__}: {error}")
-    raise CurrentFileError(
-        f"{path.name!r} cannot be read as NetCDF; it may be truncated ({'; '.join(failures)})."
-    )
+    try:
+        dataset = xarray_module.open_dataset(path, engine=engines[0].lower(), decode_cf=False, cache=False)
+    except Exception as error:
+        why = f"{engines[0]}: {type(error).__name__}: {error}"
+        raise CurrentFileError(
+            f"{path.name!r} cannot be read as NetCDF; it may be truncated ({why})."
+        ) from error
+    stored = sum(variable.size * variable.dtype.itemsize for variable in dataset.variables.values())
+    if head[:4] == b"CDF\x05" and stored > path.stat().st_size:
+        dataset.close()
+        raise CurrentFileError(f"{path.name!r} is truncated: it holds less than its {stored} bytes of data.")
+    return dataset
 
 
 def _check_whole(path: Path) -> None:

@@ -148,8 +148,8 @@ class WorldBatch:
     def _seed_pairs(self, seeds: Seeds, mask: np.ndarray) -> list[tuple[int, Any]]:
         chosen = np.flatnonzero(mask)
         if seeds is None:
-            fresh = chosen[~self._seeded[chosen]]
-            return list(zip(fresh, np.random.SeedSequence().spawn(len(fresh)), strict=True))
+            new = chosen[~self._seeded[chosen]]
+            return list(zip(new, np.random.SeedSequence().spawn(len(new)), strict=True))
         if isinstance(seeds, int | np.integer) and not isinstance(seeds, bool):
             seeds = [int(seeds) + i for i in range(self.num_worlds)]
         values = list(seeds) if isinstance(seeds, Sequence | np.ndarray) else [seeds]
@@ -159,9 +159,9 @@ class WorldBatch:
             whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
             if value is not None and not (whole and value >= 0):
                 raise InvalidParameterError("seed", value, "a whole number of 0 or more, or None")
-        fresh = np.random.SeedSequence()
+        entropy = np.random.SeedSequence()
         return [
-            (i, int(values[i]) if values[i] is not None else fresh.spawn(1)[0])
+            (i, int(values[i]) if values[i] is not None else entropy.spawn(1)[0])
             for i in chosen
             if values[i] is not None or not self._seeded[i]
         ]

@@ -227,7 +227,7 @@ def test_published_tree_is_a_tree_whose_costs_add_up(seed):
 def test_nearest_nodes_are_the_nearest():
     tree, count, mission = grown(1, 3000)
     rng = np.random.default_rng(0)
-    found, squared = np.empty(5, np.int32), np.empty(5)
+    found, squared = np.empty(5, np.int64), np.empty(5)
     for x, y in rng.uniform(-5000, 5000, (200, 2)):
         n = published._nearest(tree, mission, x, y, -1, found, squared)
         distance = np.hypot(tree.x[:count] - x, tree.y[:count] - y)

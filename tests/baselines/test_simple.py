@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from aquaquad_envs.errors import InvalidParameterError
+from aquaquad_envs.physics.currents import current_at
 from aquaquad_envs.physics.vehicle import flight_energy_wh
 from aquaquad_envs.tasks.batch import make_world_batch
 from aquaquad_envs.tasks.rollout import rollout
@@ -69,9 +70,17 @@ def test_random_and_drift_play_the_discrete_variant():
 
 def test_drift_never_flies_and_goes_where_the_current_goes():
     batch = make_world_batch("drift-hop", 4, scenario="gyres", horizon_s=3600.0)
-    results = rollout(make_policy("drift", batch), batch, range(4))
+    results = rollout(make_policy("drift", batch), batch, range(4), tracks=True)
     assert (results.worlds["flight_wh"] == 0).all() and (results.worlds["hops"] == 0).all()
-    assert (np.hypot(*np.diff(results.track, axis=0).sum(0).T) > 0).all() if results.track is not None else True
+    assert not results.flown.any()
+    first = results.track[1] - results.track[0]
+    for i, world in enumerate(results.worlds):
+        axes = batch.ocean.axes
+        start = current_at(
+            batch.ocean.velocity, world["truth"], axes, world["clock_s"], world["start_x"], world["start_y"]
+        )
+        # Ten minutes at about the current of the start.
+        assert first[i] == pytest.approx(600.0 * np.array(start), abs=0.35 * 600.0 * np.hypot(*start))
 
 
 def test_direct_flight_without_obstacles_is_the_straight_line_to_the_centre():

@@ -20,7 +20,9 @@ def golden(sensors, target):
 
 
 def ours(sensors, target):
-    return bearing_hdop(*map(float, sensors[0]), np.array(sensors[1:], dtype=float).reshape(-1, 2), *map(float, target))
+    return bearing_hdop(
+        *map(float, sensors[0]), np.array(sensors[1:], dtype=float).reshape(-1, 2), *map(float, target)
+    )
 
 
 @settings(max_examples=100)

@@ -89,7 +89,7 @@ class ShortInfo(WorldVectorEnv):
 
 class IgnoresTheSeed(WorldVectorEnv):
     def reset(self, *, seed=None, options=None):
-        return super().reset(seed=np.random.randint(10**9, size=5), options=options)
+        return super().reset(seed=np.random.default_rng().integers(10**9, size=5), options=options)
 
 
 class SameSeedEverywhere(WorldVectorEnv):
@@ -169,6 +169,8 @@ def test_names_what_is_wrong(cls, mode, words):
 
 
 def test_without_an_end_nothing_is_certified():
-    endless = WorldVectorEnv("drift-hop", 2, half_width_m=50_000.0, obstacles=(), horizon_s=1e7, battery_wh=1e5)
+    endless = WorldVectorEnv(
+        "drift-hop", 2, half_width_m=50_000.0, obstacles=(), horizon_s=1e7, battery_wh=1e5
+    )
     with pytest.raises(AssertionError, match="no episode ended in 5 steps"):
         check_vector_env(endless, steps=5)

@@ -32,7 +32,9 @@ def test_vortex_values_by_hand():
     np.testing.assert_allclose(formulas.published_vortex().sample(-4000, 4000), (0.672, 0.0), atol=1e-14)
     # Between nodes bilinear stays close to the formula: a² bends by 2·0.5·(0.05)²/4 at most.
     np.testing.assert_allclose(
-        formulas.published_vortex().sample(1250, 4750), (-0.125 - 2 * 0.475 * 0.125**2 + 0.475, -0.6), atol=7e-4
+        formulas.published_vortex().sample(1250, 4750),
+        (-0.125 - 2 * 0.475 * 0.125**2 + 0.475, -0.6),
+        atol=7e-4,
     )
 
 

@@ -1,5 +1,6 @@
 """Solar charge against published and measured totals, and the battery's balance."""
 
+import itertools
 import math
 from pathlib import Path
 
@@ -11,7 +12,13 @@ from hypothesis import strategies as st
 
 from aquaquad_envs.errors import InvalidParameterError
 from aquaquad_envs.physics import energy
-from aquaquad_envs.physics.energy import PRESETS, balance, clear_sky_charge, constant_charge, weather_file_charge
+from aquaquad_envs.physics.energy import (
+    PRESETS,
+    balance,
+    clear_sky_charge,
+    constant_charge,
+    weather_file_charge,
+)
 
 TMY = Path(__file__).parents[2].parent / "shared" / "data" / "solar" / "monterey_724915TY_tmy3.csv"
 MONTEREY = {"latitude": 36.6, "longitude": -121.867}
@@ -81,7 +88,7 @@ def test_seasons_and_hemispheres():
 def test_charges_of_parts_add_up():
     charge = clear_day("2014-06-21")
     edges = np.sort(np.random.default_rng(0).uniform(0, DAY, 50))
-    parts = [charge.between(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    parts = [charge.between(a, b) for a, b in itertools.pairwise(edges)]
     assert sum(parts) == pytest.approx(charge.between(edges[0], edges[-1]), abs=1e-9)
     assert charge.between(2 * DAY, 3 * DAY) == 0  # the table ends: no charge is made up
 
@@ -119,7 +126,9 @@ def test_totals_of_the_monterey_file():
         made = weather_file_charge(TMY, start_time=start, duration_s=days * DAY).between(0, days * DAY)
         assert made / days / ARRAY_WH_PER_KWH_M2 == pytest.approx(expected, abs=0.01)
         # Weather only takes away: below the clear sky of the same month.
-        assert made < clear_sky_charge(**MONTEREY, start_time=start, duration_s=days * DAY).between(0, days * DAY)
+        assert made < clear_sky_charge(**MONTEREY, start_time=start, duration_s=days * DAY).between(
+            0, days * DAY
+        )
 
 
 def day_profile(stamps):
@@ -147,7 +156,9 @@ def write_psm(path, zone):
     ghi = day_profile(stamps - pd.Timedelta(minutes=30))
     fields = "Source,Location ID,City,State,Country,Latitude,Longitude,Time Zone,Elevation,Local Time Zone"
     lines = [fields, f"NSRDB,1,-,-,-,36.6,-121.85,{zone},0,{zone}", "Year,Month,Day,Hour,Minute,GHI"]
-    lines += [f"{t.year},{t.month},{t.day},{t.hour},{t.minute},{v:.0f}" for t, v in zip(stamps, ghi, strict=True)]
+    lines += [
+        f"{t.year},{t.month},{t.day},{t.hour},{t.minute},{v:.0f}" for t, v in zip(stamps, ghi, strict=True)
+    ]
     path.write_text("\n".join(lines) + "\n")
     return path
 
@@ -204,7 +215,10 @@ def test_a_file_cut_short_is_refused(tmp_path):
         (lambda: clear_day("2014-06-21", longitude=math.nan), "longitude: got nan"),
         (lambda: clear_day("21 June"), "start_time: got .*ISO date"),
         (lambda: constant_charge(-1.0, duration_s=DAY), "wh_per_day: got -1.0"),
-        (lambda: clear_sky_charge(**MONTEREY, start_time="2014-06-21", duration_s=DAY, efficiency=1.2), "efficiency"),
+        (
+            lambda: clear_sky_charge(**MONTEREY, start_time="2014-06-21", duration_s=DAY, efficiency=1.2),
+            "efficiency",
+        ),
     ],
 )
 def test_refusals_say_why(call, words):

@@ -60,7 +60,9 @@ def test_held_at_the_edges_and_within_the_values(seed, x, y):
 def test_every_node_returns_its_own_value():
     values = np.random.default_rng(0).normal(size=(1, ROWS, COLUMNS))
     x, y = GRID.nodes(ROWS, COLUMNS)
-    got = [[bilinear(values, 0, GRID, a, b) for a, b in zip(*row, strict=True)] for row in zip(x, y, strict=True)]
+    got = [
+        [bilinear(values, 0, GRID, a, b) for a, b in zip(*row, strict=True)] for row in zip(x, y, strict=True)
+    ]
     np.testing.assert_allclose(got, values[0], atol=1e-12)
 
 

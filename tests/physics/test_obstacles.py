@@ -145,7 +145,10 @@ def test_the_direction_points_at_the_obstacle(point):
 @pytest.mark.parametrize(
     "call, words",
     [
-        (lambda **g: ObstacleMap.from_rectangles([(0, 0, 1, 1), (3, 0, 1, 1)], **g), r"rectangles\[1\].*min < max"),
+        (
+            lambda **g: ObstacleMap.from_rectangles([(0, 0, 1, 1), (3, 0, 1, 1)], **g),
+            r"rectangles\[1\].*min < max",
+        ),
         (lambda **g: ObstacleMap.from_rectangles([(0, 0, np.nan, 1)], **g), r"rectangles\[0\]"),
         (lambda **g: ObstacleMap.from_rectangles([(0, 0, 1, 1)], margin_m=-1.0, **g), "margin_m: got -1.0"),
         (lambda **g: ObstacleMap.from_polygons([[(0, 0), (1, 1)]], **g), "at least three"),

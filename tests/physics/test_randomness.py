@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from aquaquad_envs.physics.randomness import SOURCES, normal, random_bits, seed_streams, uniform, uniform_in_disc
+from aquaquad_envs.physics.randomness import (
+    SOURCES,
+    normal,
+    random_bits,
+    seed_streams,
+    uniform,
+    uniform_in_disc,
+)
 
 MASK = (1 << 64) - 1
 

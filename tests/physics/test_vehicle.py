@@ -40,7 +40,9 @@ def orders(field, exact, *, euler, steps):
 
 
 @pytest.mark.parametrize("rates", [(6e-4,), (2e-4, 9e-4)], ids=["steady", "changing"])
-@pytest.mark.parametrize("euler, order, steps", [(False, 4, (12, 24, 48, 96)), (True, 1, (800, 1600, 3200, 6400))])
+@pytest.mark.parametrize(
+    "euler, order, steps", [(False, 4, (12, 24, 48, 96)), (True, 1, (800, 1600, 3200, 6400))]
+)
 def test_order_of_convergence(rates, euler, order, steps):
     angle = 7200.0 * np.mean(rates)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
@@ -66,7 +68,10 @@ def test_agrees_with_an_independent_integrator(seed):
     frames, side = field.velocity.shape[:2]
     nodes = field.grid.x0 + field.grid.spacing * np.arange(side)
     table = RegularGridInterpolator(
-        (field.time_step_s * np.arange(frames), nodes, nodes), field.velocity, bounds_error=False, fill_value=None
+        (field.time_step_s * np.arange(frames), nodes, nodes),
+        field.velocity,
+        bounds_error=False,
+        fill_value=None,
     )
     start = np.random.default_rng(100 + seed).uniform(-1500, 1500, 2)
     golden = solve_ivp(
@@ -88,7 +93,9 @@ def test_drifts_with_the_current(u, v, euler):
 
 
 def test_a_drift_starts_at_its_own_time():
-    field = current_formulas.rotating_tide(major_m_s=0.5, minor_m_s=0.5, period_s=40_000.0, duration_s=40_000.0)
+    field = current_formulas.rotating_tide(
+        major_m_s=0.5, minor_m_s=0.5, period_s=40_000.0, duration_s=40_000.0
+    )
     east = drift(field, 0, 0, 60.0, 1)
     north = drift(field, 0, 0, 60.0, 1, start=10_000.0)
     np.testing.assert_allclose(east, (30.0, 0.0), atol=0.2)

@@ -31,7 +31,9 @@ def play(batch, seeds, steps=40, seed=0, columns=None):
     log = []
     for _ in range(steps):
         # Actions are drawn a world at a time, so that larger batches begin like smaller ones.
-        actions = np.stack([mixed_actions(np.random.default_rng([seed, i, len(log)]), 1)[0] for i in range(7)])
+        actions = np.stack(
+            [mixed_actions(np.random.default_rng([seed, i, len(log)]), 1)[0] for i in range(7)]
+        )
         full = mixed_actions(rng, batch.num_worlds)
         full[: min(7, batch.num_worlds)] = actions[: batch.num_worlds]
         batch.step(full)
@@ -44,7 +46,9 @@ def play(batch, seeds, steps=40, seed=0, columns=None):
 def same(a, b):
     return (
         np.array_equal(a[0], b[0])
-        and all(np.array_equal(x, y) for p, q in zip(a[1], b[1], strict=True) for x, y in zip(p, q, strict=True))
+        and all(
+            np.array_equal(x, y) for p, q in zip(a[1], b[1], strict=True) for x, y in zip(p, q, strict=True)
+        )
         and (a[2].tobytes() == b[2].tobytes())
     )
 
@@ -99,7 +103,9 @@ def test_none_goes_on_and_a_mask_touches_no_other_world():
     before, seen = batch.snapshot(), batch.observations.copy()
     mask = np.array([True, False, True, False])
     batch.reset([None, 5, 7, None], mask=mask)
-    assert np.array_equal(batch.worlds[~mask], before[~mask]) and np.array_equal(batch.observations[~mask], seen[~mask])
+    assert np.array_equal(batch.worlds[~mask], before[~mask]) and np.array_equal(
+        batch.observations[~mask], seen[~mask]
+    )
     fresh = make(1)
     fresh.reset([7])
     assert batch.worlds[2] == fresh.worlds[0]
@@ -123,7 +129,7 @@ def test_bad_seeds_are_refused_and_nothing_moves(seeds):
 def test_bad_masks_are_refused(mask):
     batch = make(3)
     batch.reset(0)
-    with pytest.raises(InvalidParameterError, match="mask: got .*boolean array of shape"):
+    with pytest.raises(InvalidParameterError, match=r"mask: got .*boolean array of shape"):
         batch.reset(mask=mask)
 
 
@@ -278,7 +284,12 @@ def extreme_actions(rng, worlds):
     "params",
     [
         {"scenario": "gyres", "num_fields": 64, "current_noise_m_s": 0.5, "start_anywhere": 0.5},
-        {"scenario": "vortex-perturbed", "drift_threshold": 0.0, "battery_wh": 15.0, "start_time_spread_s": 1e5},
+        {
+            "scenario": "vortex-perturbed",
+            "drift_threshold": 0.0,
+            "battery_wh": 15.0,
+            "start_time_spread_s": 1e5,
+        },
     ],
     ids=["gyres", "vortex-perturbed"],
 )

@@ -11,7 +11,12 @@ from aquaquad_envs.tasks.drift_hop_kernels import OBSERVATION_NAMES, OUTCOMES, R
 
 CASES = {
     "vortex": {"scenario": "vortex"},
-    "published variant": {"scenario": "vortex", "integrator": "euler", "interpolation": "cell", "solar": "constant"},
+    "published variant": {
+        "scenario": "vortex",
+        "integrator": "euler",
+        "interpolation": "cell",
+        "solar": "constant",
+    },
     "perturbed, 2016": {"scenario": "vortex-perturbed", "energy": "2016", "initial_charge": 0.2},
     "gyres": {"scenario": "gyres", "num_fields": 6, "sub_steps": 7, "action_period_s": 900.0},
     "forecast error": {
@@ -21,7 +26,13 @@ CASES = {
         "start_time_spread_s": 20_000.0,
         "goal_radius_m": 800.0,
     },
-    "tide": {"scenario": "tide", "num_fields": 3, "battery_wh": 30.0, "progress_weight": 0.3, "failure_penalty": 2.0},
+    "tide": {
+        "scenario": "tide",
+        "num_fields": 3,
+        "battery_wh": 30.0,
+        "progress_weight": 0.3,
+        "failure_penalty": 2.0,
+    },
 }
 
 
@@ -56,7 +67,9 @@ class Reference:
         now = [self.bilinear(frames[first, ..., c], x, y, axes.x0, axes.y0, axes.spacing) for c in (0, 1)]
         if len(frames) == 1:
             return tuple(now)
-        later = [self.bilinear(frames[first + 1, ..., c], x, y, axes.x0, axes.y0, axes.spacing) for c in (0, 1)]
+        later = [
+            self.bilinear(frames[first + 1, ..., c], x, y, axes.x0, axes.y0, axes.spacing) for c in (0, 1)
+        ]
         return tuple(a + (s - first) * (b - a) for a, b in zip(now, later, strict=True))
 
     def clearance(self, layer, x, y):
@@ -64,7 +77,9 @@ class Reference:
 
     def charge(self, start, end):
         times = self.ocean.solar_step * np.arange(len(self.ocean.collected_wh))
-        return np.interp(end, times, self.ocean.collected_wh) - np.interp(start, times, self.ocean.collected_wh)
+        return np.interp(end, times, self.ocean.collected_wh) - np.interp(
+            start, times, self.ocean.collected_wh
+        )
 
     def drifted(self, w, t, dt):
         def velocity(after, x, y):
@@ -144,7 +159,9 @@ class Reference:
         w.steps += 1
         w.hdop_s += hdop * (w.time_s - began)
         w.outcome = OUTCOMES.index(outcome)
-        gained = (before - math.dist((w.x, w.y), (w.goal_x, w.goal_y))) / p.airspeed_m_s * p.flight_power_w / 3600
+        gained = (
+            (before - math.dist((w.x, w.y), (w.goal_x, w.goal_y))) / p.airspeed_m_s * p.flight_power_w / 3600
+        )
         return {
             "flight": -flown / 10,
             "progress": p.progress_weight * gained / 10,
@@ -185,7 +202,10 @@ class Reference:
             while t < now + hours * 3600 - 1:
                 a, b = self.current(w.forecast, t, x, y)
                 x, y, t = x + 1200 * a, y + 1200 * b, t + 1200
-            seen[f"drift dx in {hours} h"], seen[f"drift dy in {hours} h"] = (x - w.x) / half, (y - w.y) / half
+            seen[f"drift dx in {hours} h"], seen[f"drift dy in {hours} h"] = (
+                (x - w.x) / half,
+                (y - w.y) / half,
+            )
         for degrees in range(0, 360, 45):
             px = w.x + p.max_hop_m * math.cos(math.radians(degrees))
             py = w.y + p.max_hop_m * math.sin(math.radians(degrees))
@@ -226,7 +246,9 @@ def test_every_step_of_whole_episodes(name):
             after = plain(batch.worlds[i])
             for field in vars(w):
                 assert getattr(after, field) == pytest.approx(getattr(w, field), rel=1e-12, abs=2e-9), field
-            assert dict(zip(REWARD_TERMS, batch.reward_terms[i], strict=True)) == pytest.approx(terms, abs=1e-11)
+            assert dict(zip(REWARD_TERMS, batch.reward_terms[i], strict=True)) == pytest.approx(
+                terms, abs=1e-11
+            )
             assert batch.rewards[i] == pytest.approx(sum(terms.values()), abs=1e-11)
             seen = reference.observation(w)
             assert tuple(seen) == OBSERVATION_NAMES

@@ -152,7 +152,9 @@ def test_time_out_truncates_without_a_penalty():
     assert batch.observations[0][10] == 0.0
 
 
-@pytest.mark.parametrize("params", [{"start_time_spread_s": 50_000.0}, {"sub_steps": 7, "action_period_s": 700.0}])
+@pytest.mark.parametrize(
+    "params", [{"start_time_spread_s": 50_000.0}, {"sub_steps": 7, "action_period_s": 700.0}]
+)
 def test_the_horizon_is_met_on_time_whatever_the_clock(params):
     """A whole number of drifts fills the horizon; rounding of the clock must not add another."""
     period = params.get("action_period_s", 600.0)
@@ -207,7 +209,9 @@ def test_even_those_whose_square_overflows(action):
 @pytest.mark.parametrize("number", range(33))
 def test_the_discrete_variant(number):
     """0 drifts; 1 to 16 are half hops and 17 to 32 full hops, anticlockwise from east."""
-    batch = aquaquad_envs.make_world_batch("drift-hop", 1, action_type="discrete", scenario="tide", num_fields=1)
+    batch = aquaquad_envs.make_world_batch(
+        "drift-hop", 1, action_type="discrete", scenario="tide", num_fields=1
+    )
     batch.reset(0)
     batch.worlds["x"] = batch.worlds["y"] = 0.0
     batch.step(np.array([number]))

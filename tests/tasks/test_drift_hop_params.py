@@ -112,8 +112,14 @@ def test_refusals_say_why(values, words):
         ({"obstacles": [[5, 0, 1, 1]]}, r"rectangles\[0\].*min < max"),
         ({"start_time": "yesterday"}, "start_time: got 'yesterday'"),
         ({"scenario": "file"}, "currents_file: got None"),
-        ({"solar": "file", "solar_file": "nowhere.csv"}, "solar_file: got 'nowhere.csv', expected an existing file"),
-        ({"scenario": "gyres", "num_fields": 1, "obstacles": [[-5e3, -5e3, 5e3, 5e3]]}, "obstacles: got .*room for"),
+        (
+            {"solar": "file", "solar_file": "nowhere.csv"},
+            "solar_file: got 'nowhere.csv', expected an existing file",
+        ),
+        (
+            {"scenario": "gyres", "num_fields": 1, "obstacles": [[-5e3, -5e3, 5e3, 5e3]]},
+            "obstacles: got .*room for",
+        ),
         ({"action_periods_s": 60.0}, "action_periods_s.*Did you mean 'action_period_s'"),
         ({"threads": 0}, "threads: got 0"),
         ({"num_worlds": 0}, "num_worlds: got 0"),
@@ -126,5 +132,5 @@ def test_what_only_building_can_tell_is_refused_too(values, words):
 
 
 def test_an_unknown_task_is_refused():
-    with pytest.raises(InvalidParameterError, match="task: got 'drift_hop'.*Did you mean 'drift-hop'"):
+    with pytest.raises(InvalidParameterError, match=r"task: got 'drift_hop'.*Did you mean 'drift-hop'"):
         aquaquad_envs.make_world_batch("drift_hop", 1)

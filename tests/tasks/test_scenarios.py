@@ -16,7 +16,9 @@ def bank(scenario, **params):
 
 
 def made(scenario, worlds=300, seed=0, **params):
-    batch = aquaquad_envs.make_world_batch("drift-hop", worlds, scenario=scenario, **{"num_fields": 12, **params})
+    batch = aquaquad_envs.make_world_batch(
+        "drift-hop", worlds, scenario=scenario, **{"num_fields": 12, **params}
+    )
     batch.reset(seed)
     return batch
 
