@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import os
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,6 +16,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from tyro.conf import arg
 
 from aquaquad_envs.errors import AquaQuadError
+
+CRASHED, WRONG_INPUT, INTERRUPTED = 1, 2, 130
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,14 +115,14 @@ def benchmark(options: Options, arguments: list[str], console: Console) -> int:
             run.run()
         except KeyboardInterrupt:
             run.write()
-            status = 130
+            status = INTERRUPTED
     report = write_report(run)
     print_summary(run, console)
     console.print(
         f"{'Interrupted; what was finished is' if status else 'Report'} in {report}", soft_wrap=True
     )
-    if status == 0 and run.crashed:
-        status = 1
+    if not status and run.crashed:
+        status = CRASHED
     return status
 
 
@@ -159,14 +162,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return benchmark(options, given, console)
     except AquaQuadError as error:
         print(f"evaluate.py: {error}", file=sys.stderr)
-        return 2
+        return WRONG_INPUT
     except OSError as error:
         print(f"evaluate.py: {error.strerror}: {error.filename}", file=sys.stderr)
-        return 2
+        return WRONG_INPUT
     except KeyboardInterrupt:
         print("evaluate.py: interrupted", file=sys.stderr)
-        return 130
+        return INTERRUPTED
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    status = main()
+    if status == INTERRUPTED:
+        # A planner in the middle of a decision would hold up a normal exit.
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)
+    sys.exit(status)

@@ -78,7 +78,9 @@ def load(
     except (ValueError, KeyError, TypeError) as error:
         raise CheckpointError(f"{card_path}: not a readable card ({error}); the file is damaged.") from error
     if schema != SCHEMA:
-        raise CheckpointError(f"{card_path}: got schema {schema}, expected {SCHEMA}; made by another version.")
+        raise CheckpointError(
+            f"{card_path}: got schema {schema}, expected {SCHEMA}; made by another version."
+        )
     if task is not None and card.get("task") != task:
         raise CheckpointError(f"{card_path}: made for task {card.get('task')!r}, expected {task!r}.")
     if kind is not None and card.get("kind") != kind:

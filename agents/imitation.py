@@ -18,7 +18,7 @@ from aquaquad_envs.tasks.batch import WorldBatch, make_world_batch
 from baselines.optimal import Optimal
 
 #: Missions a round that each world is scattered to and started anew, its goal and field kept.
-MISSIONS_PER_ROUND = 12
+MISSIONS_PER_ROUND = 16
 _MINIBATCH = 256
 
 
@@ -43,7 +43,11 @@ def imitate(
         batch = make_world_batch(recipe.task, recipe.imitation_worlds, **params)
         first = FIRST_TRAINING_SEED + (seed * 1000 + number) * recipe.imitation_worlds
         batch.reset(first)
-        expert = Optimal(batch)
+        # The optimum grazes obstacles, which a learner cannot copy without striking them now and then:
+        # the expert plans around obstacles grown by a margin, in worlds that are the same otherwise.
+        margin = params.get("obstacle_margin_m", 0.0) + recipe.imitation_margin_m
+        planned = {**params, "obstacle_margin_m": margin}
+        expert = Optimal(make_world_batch(recipe.task, recipe.imitation_worlds, **planned))
         for mission in range(MISSIONS_PER_ROUND):
             batch.reset(first)
             if mission > 0:

@@ -37,7 +37,10 @@ class TrainingBar:
         """Show ``frames`` done and the mean metrics of recent episodes."""
         speed = self.progress.tasks[0].speed
         self.progress.update(
-            self.task, completed=frames, speed=f"{speed:,.0f} steps/s" if speed else "", metrics=_summary(means)
+            self.task,
+            completed=frames,
+            speed=f"{speed:,.0f} steps/s" if speed else "",
+            metrics=_summary(means),
         )
 
     def imitation(self, number: int, loss: float, labels: int) -> None:

@@ -26,18 +26,20 @@ class Recipe:
     scenario: str
     algorithm: str
     num_worlds: int
-    hidden: tuple[int, ...] = (256, 256)
+    hidden: tuple[int, ...] = (128, 128)
     params: dict[str, Any] = field(default_factory=dict)
     validation: dict[str, Any] = field(default_factory=dict)
     algorithm_settings: dict[str, Any] = field(default_factory=dict)
     initial_log_std: float = -1.0
     imitation_rounds: int = 0
     imitation_worlds: int = 256
-    imitation_epochs: int = 4
+    imitation_epochs: int = 20
+    #: m by which obstacles are grown for the imitated expert
+    imitation_margin_m: float = 150.0
     #: frames during which only the value function learns, so that it does not spoil an imitated policy
     value_warmup_frames: int = 0
-    checkpoint_every: int = 1_000_000
-    evaluate_every: int = 1_000_000
+    checkpoint_every: int = 500_000
+    evaluate_every: int = 500_000
     evaluation_episodes: int = 200
 
     def with_overrides(self, **values: Any) -> Recipe:
@@ -91,9 +93,9 @@ def drift_hop_recipe(scenario: str, algorithm: str) -> Recipe:
         validation=_VALIDATION[scenario],
         algorithm_settings=dict(_PPO if ppo else _SAC),
         initial_log_std=-2.0 if ppo else -1.0,
-        imitation_rounds=12 if ppo else 0,
-        imitation_worlds=256 if scenario == "vortex" else 512,
-        value_warmup_frames=1_000_000 if ppo else 0,
+        imitation_rounds=10 if ppo else 0,
+        imitation_worlds=24 if scenario == "vortex" else 16,
+        value_warmup_frames=500_000 if ppo else 0,
     )
 
 

@@ -6,15 +6,12 @@ See ``docs/dr_rrt_star.md`` for the algorithms, what is unclear in the source, a
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from aquaquad_envs.errors import InvalidParameterError, PlanningError, check_choice, check_range
-from aquaquad_envs.physics.current_formulas import published_vortex
-from aquaquad_envs.physics.grids import Grid
-from aquaquad_envs.physics.obstacles import ObstacleMap, clearance_at
+from aquaquad_envs.physics.obstacles import clearance_at
 from aquaquad_envs.physics.randomness import seed_streams
 from baselines import dr_rrt_star_published as published
 from baselines import dr_rrt_star_tree as tree_kernels
@@ -26,6 +23,7 @@ from baselines.dr_rrt_star_improve import (
     improve,
     improve_candidates,
 )
+from baselines.forecast_check import ForecastCheck
 from baselines.plan import LEG, NEEDS_PLAN, FollowSettings, Plan, PlanFollower
 from baselines.problem import DriftHopProblem
 
@@ -41,6 +39,8 @@ CANDIDATES = 8
 COARSE_STEP_S = 300.0
 #: The search wants a little more than the final plan must keep, so that finer steps do not undo it.
 _RESERVE_M, _RESERVE_SHARE = 3.0, 0.97
+#: s kept before the horizon once the forecast was seen to be wrong.
+RESERVE_S = 1800.0
 VARIANTS = ("product", "published-single", "published-seeking")
 
 Seed = int | np.random.SeedSequence
@@ -201,75 +201,6 @@ def _check_iterations(iterations: int) -> None:
         raise InvalidParameterError("iterations", iterations, "a whole number in [1, 10000000]")
 
 
-#: Published means and standard deviations over 1000 runs: energy (Wh), time (ms) (Dillard 2014, Tab. 4).
-PUBLISHED = {"single": (38.69, 6.81, 190.0, 90.0), "seeking": (36.26, 3.93, 4964.0, 18.12)}
-_OBSTACLE_SETS = {
-    "none": (),
-    "2 km square at the centre": ((-1000.0, -1000.0, 1000.0, 1000.0),),
-    "1 km square at the centre": ((-500.0, -500.0, 500.0, 500.0),),
-    "two drawn anew each run, as the script does": None,
-}
-
-
-def published_table(
-    runs: int = 1000, *, seed: int = 0, iterations: int = 25_000
-) -> list[dict[str, str | int | float]]:
-    """The published Monte Carlo study (SPEC §6), ours beside theirs: one row per variant and obstacle set.
-
-    Run i plans with seed ``seed + i`` in the published vortex, constant per cell. The obstacle set of the source
-    is a random draw that was not published; none was tuned to meet its figures.
-    """
-    rows: list[dict[str, str | int | float]] = []
-    for variant, (energy, energy_std, time_ms, time_std_ms) in PUBLISHED.items():
-        for name, rectangles in _OBSTACLE_SETS.items():
-            plans = []
-            problem = _published_problem(rectangles or ())
-            plan_published(problem, seed=seed, variant=variant, iterations=20)  # compiles
-            for i in range(runs):
-                if rectangles is None:
-                    problem = _published_problem(_script_obstacles(np.random.default_rng([seed, i])))
-                plans.append(plan_published(problem, seed=seed + i, variant=variant, iterations=iterations))
-            energies = np.array([found.flight_energy_wh for found in plans if found.success])
-            times = 1e3 * np.array([found.planning_time_s for found in plans])
-            rows.append(
-                {
-                    "variant": variant, "obstacles": name, "runs": runs, "success": len(energies) / runs,
-                    "energy_mean_wh": float(energies.mean()), "energy_std_wh": float(energies.std()),
-                    "published_energy_mean_wh": energy, "published_energy_std_wh": energy_std,
-                    "time_mean_ms": float(times.mean()), "time_std_ms": float(times.std()),
-                    "published_time_mean_ms": time_ms, "published_time_std_ms": time_std_ms,
-                }
-            )  # fmt: skip
-    return rows
-
-
-def _published_problem(rectangles: Sequence[Sequence[float]]) -> DriftHopProblem:
-    grid, side = Grid.square(5000.0, 100.0)
-    return DriftHopProblem.of(
-        published_vortex(interpolation="cell"),
-        ObstacleMap.from_rectangles(rectangles, grid=grid, side=side),
-        start=(-4000.0, 4000.0), goal=(3000.0, -3000.0), target=(3100.0, -2900.0),
-        team=np.array([[5000.0, 5000.0], [5000.0, -5000.0], [-5000.0, -5000.0]]),
-    )  # fmt: skip
-
-
-def _script_obstacles(rng: np.random.Generator) -> list[tuple[float, float, float, float]]:
-    """Two rectangles of 0.5 to 2.5 km a side as the script draws them, off the start and the goal."""
-    found: list[tuple[float, float, float, float]] = []
-    while len(found) < 2:
-        column, row = np.round(21 * rng.random(2))
-        width, height = np.round(4.2 * rng.random(2))
-        x, y = -5500 + 500 * column, 6000 - 500 * row
-        box = (x, y - 500 * (height + 1), x + 500 * (width + 1), y)
-        near = any(
-            box[0] - 100 < px < box[2] + 100 and box[1] - 100 < py < box[3] + 100
-            for px, py in ((-4000.0, 4000.0), (3000.0, -3000.0))
-        )
-        if min(column, row) >= 1 and not near:  # the script's index 0 fails and is drawn again
-            found.append(tuple(map(float, box)))
-    return found
-
-
 class DrRrtStar:
     """Plans with DR-RRT* in every world and follows the plan, replanning on a miss.
 
@@ -283,11 +214,13 @@ class DrRrtStar:
     margin_m: clearance that the product's plans keep beyond the obstacles' own margin.
 
     A plan is made at the first action after a reset, from the seed given to :meth:`reset`, and again
-    from the present place and time when a take-off is missed, the track is left, or the plan ends without
-    arrival. Where no plan is found the vehicle drifts and tries again an hour later.
+    from the present place and time when a take-off is missed, the track is left, the plan ends without
+    arrival, or drifting on would end in an obstacle or outside the box. Where the track has shown the
+    forecast to be wrong, the product's new plans correct it by what was seen, keep four margins from
+    obstacles and half an hour in reserve. Where no plan is found the vehicle drifts and tries again an hour later.
     """
 
-    information = "the forecast current (never the truth), all obstacles, its own position and the clock"
+    information = "the forecast current (never the truth), all obstacles, its own track and the clock"
 
     def __init__(
         self,
@@ -313,6 +246,7 @@ class DrRrtStar:
         self.batch, self.variant, self.margin_m = batch, variant, margin_m
         self.iterations = iterations or (ITERATIONS if variant == "product" else 25_000)
         self._min_hop = 1.001 * params.drift_threshold * params.max_hop_m
+        self._check = ForecastCheck(batch)
         self._follower = PlanFollower(
             batch.num_worlds,
             FollowSettings(
@@ -336,6 +270,7 @@ class DrRrtStar:
             self._last_time = np.zeros(self.batch.num_worlds)
             self._retry_at = np.zeros(self.batch.num_worlds)
         self._follower.clear(worlds)
+        self._check.clear(worlds)
         self.plan_counts[worlds] = 0
         self._last_time[worlds] = 0.0
         self._retry_at[worlds] = 0.0
@@ -352,20 +287,26 @@ class DrRrtStar:
         self._last_time[:] = now
         actions = np.zeros((len(worlds), 2), dtype=np.float32)
         running = worlds["outcome"] == 0
+        self._check.observe(worlds)
         follower = self._follower
         follower.act(worlds["x"], worlds["y"], now, running, actions)
-        wanting = running & (follower.status == NEEDS_PLAN) & (now >= self._retry_at)
-        if wanting.any():
-            for i in np.flatnonzero(wanting):
-                self._make_plan(i, worlds[i])
-            follower.act(worlds["x"], worlds["y"], now, wanting, actions)
+        self._plan_where(running & (follower.status == NEEDS_PLAN) & (now >= self._retry_at), worlds, actions)
+        danger = self._check.dangers(worlds, running & ~actions.any(axis=1), 0.0)
+        self._plan_where(danger, worlds, actions)
         return actions
+
+    def _plan_where(self, chosen: np.ndarray, worlds: np.ndarray, actions: np.ndarray) -> None:
+        """Make new plans for the ``chosen`` worlds and write what they do first."""
+        if chosen.any():
+            for i in np.flatnonzero(chosen):
+                self._make_plan(i, worlds[i])
+            self._follower.act(worlds["x"], worlds["y"], worlds["time_s"], chosen, actions)
 
     def _make_plan(self, i: int, world: np.void) -> None:
         seed = np.random.SeedSequence([self._seeds[i], int(self.plan_counts[i])])
         self.plan_counts[i] += 1
         try:
-            found = self._planned(world, seed)
+            found = self._planned(i, world, seed)
         except PlanningError:
             # The vehicle floats where no plan may begin (at the very edge): drift on.
             found = Plan.none(0, 0.0)
@@ -374,17 +315,22 @@ class DrRrtStar:
         if not found.success:
             self._retry_at[i] = world["time_s"] + 3600.0
 
-    def _planned(self, world: np.void, seed: np.random.SeedSequence) -> Plan:
+    def _planned(self, i: int, world: np.void, seed: np.random.SeedSequence) -> Plan:
         params, ocean = self.batch.params, self.batch.ocean
         goal = float(world["goal_x"]), float(world["goal_y"])
+        field, left = int(world["forecast"]), float(params.horizon_s - world["time_s"])
+        corrected = self._check.corrected(i, field) if self.variant == "product" else None
+        wrong = corrected is not None
+        if wrong and left > 2 * RESERVE_S:
+            left -= RESERVE_S
         problem = DriftHopProblem(
-            velocity=ocean.velocity, axes=ocean.axes, clearance=ocean.clearance,
-            clearance_grid=ocean.clearance_grid, field_index=int(world["forecast"]),
+            velocity=corrected if wrong else ocean.velocity, axes=ocean.axes, clearance=ocean.clearance,
+            clearance_grid=ocean.clearance_grid, field_index=0 if wrong else field,
             obstacle_index=int(world["obstacle"]), start=(float(world["x"]), float(world["y"])), goal=goal,
             half_width_m=params.half_width_m, goal_radius_m=params.goal_radius_m, max_hop_m=params.max_hop_m,
             airspeed_m_s=params.airspeed_m_s, flight_power_w=params.flight_power_w,
             time_s=float(world["clock_s"] + world["time_s"]),
-            horizon_s=max(float(params.horizon_s - world["time_s"]), 1.0),
+            horizon_s=max(left, 1.0),
             drift_step_s=params.action_period_s / params.sub_steps, team=ocean.team,
             target=(goal[0] + params.target_offset[0], goal[1] + params.target_offset[1]),
         )  # fmt: skip
@@ -393,5 +339,5 @@ class DrRrtStar:
             return plan_published(problem, seed=seed, variant=kind, iterations=self.iterations)
         return plan(
             problem, seed=seed, iterations=self.iterations, action_period_s=params.action_period_s,
-            min_hop_m=self._min_hop, margin_m=self.margin_m, euler=params.integrator == "euler",
+            min_hop_m=self._min_hop, margin_m=(4 if wrong else 1) * self.margin_m, euler=params.integrator == "euler",
         )  # fmt: skip

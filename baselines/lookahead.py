@@ -199,8 +199,8 @@ def _hop_along(sea, chart, x, y, zx, zy, min_hop, shortest, longest, out):
 
 
 @kernel
-def _hop_anywhere(sea, values, landings, floats, k, chart, x, y, t, min_hop, out):
-    """The hop, of 32 headings and 4 lengths, that is cheapest to go on from (by distance where V is inf)."""
+def _hop_anywhere(sea, values, landings, floats, k, chart, x, y, t, min_hop, late, out):
+    """The hop, of 32 headings and 4 lengths, cheapest to go on from; by distance where V is inf or it is late."""
     best = np.inf
     for i in range(128):
         length = min_hop + (chart.max_hop - min_hop) * (i % 4) / 3.0
@@ -210,7 +210,7 @@ def _hop_anywhere(sea, values, landings, floats, k, chart, x, y, t, min_hop, out
             continue
         arrival = t + flight_time(length, chart.airspeed)
         cost, _ = best_flight(values, landings, floats, k, chart, x + dx, y + dy, arrival)
-        if cost == np.inf:
+        if late or cost == np.inf:
             cost = 1e9 + np.sqrt((x + dx - chart.goal_x) ** 2 + (y + dy - chart.goal_y) ** 2)
         if length + cost < best:
             best = length + cost
@@ -246,7 +246,7 @@ def decide(sea, values, landings, floats, k, chart, x, y, t, period, sub_steps, 
     elif drift < near or (landing == NOWHERE and drift < np.inf):
         return
     if far < 1e-6 or not _hop_along(sea, chart, x, y, zx, zy, min_hop, near, far, out):
-        _hop_anywhere(sea, values, landings, floats, k, chart, x, y, t, min_hop, out)
+        _hop_anywhere(sea, values, landings, floats, k, chart, x, y, t, min_hop, late, out)
 
 
 @kernel

@@ -149,7 +149,10 @@ class PlanFollower:
     def act(
         self, x: np.ndarray, y: np.ndarray, time_s: np.ndarray, running: np.ndarray, actions: np.ndarray
     ) -> None:
-        """Write ``actions`` (worlds, 2) and ``self.status`` for running worlds at (x, y), m, and time, s."""
+        """Write the rows of ``actions`` (worlds, 2) and of ``self.status`` of the running worlds.
+
+        Positions ``x``, ``y`` in m, mission time in s; the other worlds' rows stay as they are.
+        """
         _follow(self._arrays, self.settings, x, y, time_s, running, self.status, actions)
 
 
@@ -168,13 +171,12 @@ def _expected_positions(plan: Plan, period: float) -> tuple[np.ndarray, np.ndarr
 @loop_kernel
 def _follow(plans, settings, x, y, time, running, status, actions):
     for i in range(x.size):
-        actions[i, 0] = 0.0
-        actions[i, 1] = 0.0
         if not running[i]:
             continue
-        if status[i] != FOLLOWING:
-            continue
-        _follow_one(i, plans, settings, x[i], y[i], time[i], status, actions)
+        actions[i, 0] = 0.0
+        actions[i, 1] = 0.0
+        if status[i] == FOLLOWING:
+            _follow_one(i, plans, settings, x[i], y[i], time[i], status, actions)
 
 
 @loop_kernel

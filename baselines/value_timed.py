@@ -28,7 +28,7 @@ EMPTY, ENDS, DRIFTS, ARRIVES = 0, 1, 2, 3
 #: A float that is this much too dear before it has moved towards a vehicle in flight is not looked at, m.
 _SLACK_M = 20.0
 #: Floats about one node above which further ones are given up.
-_CROWDED = 3
+_CROWDED = 5
 #: Straight pieces that a slice of drift is looked at in when the goal is near.
 _PIECES = 2
 

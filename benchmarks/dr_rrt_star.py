@@ -3,8 +3,8 @@
     python benchmarks/dr_rrt_star.py                  # needs: pip install ompl (optional)
 
 One thread, the published vortex with a 2 km square at the centre. Figures are medians over seeds of the
-processor time of the planning call, so that other work on the machine does not count. OMPL solves an easier problem (the
-shortest straight flight in the same box around the same square, no drift); its obstacle test is a Python
+processor time of the planning call, so that other work on the machine does not count. OMPL solves an easier problem
+(the shortest straight flight in the same box around the same square, no drift); its obstacle test is a Python
 callback here, so that its time without any obstacle is given too.
 """
 

@@ -1,6 +1,6 @@
 """Start-up: import and first step with an empty kernel cache, and again with a warm one.
 
-    python benchmarks/startup.py
+Run it as ``python benchmarks/startup.py``.
 """
 
 from __future__ import annotations

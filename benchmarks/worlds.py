@@ -1,7 +1,6 @@
 """How fast worlds step: native batches, the Gymnasium interfaces, and PPO against a zero-cost VecEnv.
 
-    python benchmarks/worlds.py            # all
-    python benchmarks/worlds.py --only ppo # one of: batch, vector, single, ppo
+``python benchmarks/worlds.py`` measures all; ``--only`` takes one of batch, vector, single, ppo.
 
 Every figure is the best of several repetitions, in world-steps (decisions) per second; a drift decision is
 ten Runge–Kutta sub-steps with obstacles, energy and observation. Ratios compare runs that alternate in
@@ -85,7 +84,9 @@ def vector() -> None:
                 env.step(actions)
             return 20 * 4096
 
-        print(f"vector  VectorEnv.step, 4096 worlds, {threads} thread(s), drift: {best_rate(run) / 1e6:6.2f} M/s")
+        print(
+            f"vector  VectorEnv.step, 4096 worlds, {threads} thread(s), drift: {best_rate(run) / 1e6:6.2f} M/s"
+        )
     rates = {}
     for mode in ("vector_entry_point", "sync"):
         env = gymnasium.make_vec("AquaQuad/DriftHop-v0", num_envs=16, vectorization_mode=mode)
@@ -152,7 +153,9 @@ def ppo(frames: int = 200_000) -> None:
         def set_attr(self, attr_name: str, value: object, indices: object = None) -> None:
             raise AttributeError(attr_name)
 
-        def env_method(self, method_name: str, *args: object, indices: object = None, **kwargs: object) -> list:
+        def env_method(
+            self, method_name: str, *args: object, indices: object = None, **kwargs: object
+        ) -> list:
             raise AttributeError(method_name)
 
         def env_is_wrapped(self, wrapper_class: type, indices: object = None) -> list[bool]:
@@ -173,7 +176,9 @@ def ppo(frames: int = 200_000) -> None:
             model.learn(frames)
             rates[name].append(model.num_timesteps / (time.perf_counter() - began))
     native_rate, free_rate = np.median(rates["native"]), np.median(rates["zero-cost"])
-    print(f"ppo     native {native_rate:,.0f} frames/s, zero-cost {free_rate:,.0f}: {native_rate / free_rate:.2f}")
+    print(
+        f"ppo     native {native_rate:,.0f} frames/s, zero-cost {free_rate:,.0f}: {native_rate / free_rate:.2f}"
+    )
 
 
 @dataclass

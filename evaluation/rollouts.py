@@ -58,16 +58,22 @@ class Workers:
             progress(len(chunk))
             return part
 
-        with ThreadPoolExecutor(self.threads, thread_name_prefix="evaluation") as pool:
-            futures = [pool.submit(one, chunk) for chunk in chunks]
-            try:
-                return [future.result() for future in futures]
-            except BaseException:
-                # The chunks in hand end at their next decision; what the pool waits for is then short.
-                self.stop.set()
-                pool.shutdown(wait=True, cancel_futures=True)
-                self.stop.clear()
-                raise
+        pool = ThreadPoolExecutor(self.threads, thread_name_prefix="evaluation")
+        futures = [pool.submit(one, chunk) for chunk in chunks]
+        try:
+            return [future.result() for future in futures]
+        except Exception:
+            # The chunks in hand end at their next decision.
+            self.stop.set()
+            pool.shutdown(wait=True, cancel_futures=True)
+            self.stop.clear()
+            raise
+        except BaseException:
+            # Ctrl-C waits for nobody.
+            self.stop.set()
+            raise
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
 
 
 def run_policy(

@@ -39,10 +39,8 @@ def _check_declarations(env: VectorEnv) -> AutoresetMode:
         isinstance(number, int) and number >= 1, f"num_envs: got {number!r}, expected an int of 1 or more"
     )
     mode = env.metadata.get("autoreset_mode")
-    _require(
-        isinstance(mode, AutoresetMode),
-        f"metadata['autoreset_mode']: got {mode!r}, expected an AutoresetMode",
-    )
+    if not isinstance(mode, AutoresetMode):
+        raise AssertionError(f"metadata['autoreset_mode']: got {mode!r}, expected an AutoresetMode")
     for kind in ("observation", "action"):
         single, batched = getattr(env, f"single_{kind}_space"), getattr(env, f"{kind}_space")
         expected = batch_space(single, number)
@@ -53,7 +51,8 @@ def _check_declarations(env: VectorEnv) -> AutoresetMode:
 def _check_seeding(env: VectorEnv, seed: int, steps: int) -> None:
     """Equal seeds and actions give equal episodes, and an int counts up from world to world."""
     logs = []
-    for given in (seed, seed, [seed + i for i in range(env.num_envs)]):
+    counted: Any = [seed + i for i in range(env.num_envs)]
+    for given in (seed, seed, counted):
         observations, _ = env.reset(seed=given)
         env.action_space.seed(seed)
         log = [copy.deepcopy(observations)]

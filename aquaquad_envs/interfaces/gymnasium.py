@@ -45,9 +45,7 @@ class WorldEnv(gymnasium.Env):
                 f"action: got rows of unequal length, expected shape {self.action_space.shape}."
             ) from None
         if action.shape != self.action_space.shape:
-            raise InvalidActionError(
-                f"action: got shape {action.shape}, expected {self.action_space.shape}."
-            )
+            raise InvalidActionError(f"action: got shape {action.shape}, expected {self.action_space.shape}.")
         reward, terminated, truncated, info = self.view.step(action)
         return self.view.observation(), reward, terminated, truncated, info
 

@@ -87,9 +87,7 @@ class WorldVecEnv(VecEnv):
         """Refused: there is no object a world to call."""
         raise AttributeError(f"{method_name}: worlds of a native batch are not Python objects; use .batch.")
 
-    def env_is_wrapped(
-        self, wrapper_class: type, indices: int | Iterable[int] | None = None
-    ) -> list[bool]:
+    def env_is_wrapped(self, wrapper_class: type, indices: int | Iterable[int] | None = None) -> list[bool]:
         """False in every row: no wrapper can sit inside a native batch."""
         return [False for _ in self._get_indices(indices)]
 

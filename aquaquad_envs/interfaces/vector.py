@@ -90,7 +90,9 @@ class WorldVectorEnv(VectorEnv):
         info = self._info(finished, np.ones(self.num_envs, bool) if restarting is None else ~restarting)
         if self._mode == AutoresetMode.SAME_STEP:
             if finished.any():
-                final = {key: value.copy() if hasattr(value, "copy") else value for key, value in info.items()}
+                final = {
+                    key: value.copy() if hasattr(value, "copy") else value for key, value in info.items()
+                }
                 info["final_obs"] = batch.observations.copy()
                 info["final_obs"][~finished] = 0.0
                 info["_final_obs"] = finished.copy()

@@ -38,9 +38,7 @@ PRESETS = {
         flight_power_w=200.0, base_power_w=5.0 + 10.0 * 6 / 24, solar_wh_per_day=400.0, battery_wh=178.0
     ),
     # Dobrokhodov et al. 2016, Tab. I: sensing and communication are part of the 5 W.
-    "2016": EnergyPreset(
-        flight_power_w=340.0, base_power_w=5.0, solar_wh_per_day=590.0, battery_wh=178.0
-    ),
+    "2016": EnergyPreset(flight_power_w=340.0, base_power_w=5.0, solar_wh_per_day=590.0, battery_wh=178.0),
 }
 
 #: Published array: 0.3 m², 24 % (Dillard 2014, II.C).
@@ -175,7 +173,9 @@ def _read_weather(path: Path) -> tuple[np.ndarray, float, float]:
         ghi = data["ghi"].to_numpy(dtype=np.float64)
         stamps = data.index.tz_convert("UTC")
     except (ValueError, KeyError, IndexError, TypeError, AttributeError, OSError) as error:
-        raise InvalidParameterError("solar_file", str(path), "a TMY3 or NSRDB file", f"{remedy} ({error})") from error
+        raise InvalidParameterError(
+            "solar_file", str(path), "a TMY3 or NSRDB file", f"{remedy} ({error})"
+        ) from error
     per_year = len(ghi)
     if per_year not in (8760, 8784, 17520, 17568) or not np.isfinite(ghi).all() or (ghi < 0).any():
         raise InvalidParameterError(

@@ -36,7 +36,9 @@ class ObstacleMap:
     def __post_init__(self) -> None:
         distance = np.ascontiguousarray(self.distance, dtype=np.float64)
         if distance.ndim != 2 or min(distance.shape) < 2 or not np.isfinite(distance).all():
-            raise InvalidParameterError("distance", distance.shape, "a finite array (rows >= 2, columns >= 2)")
+            raise InvalidParameterError(
+                "distance", distance.shape, "a finite array (rows >= 2, columns >= 2)"
+            )
         distance.setflags(write=False)
         object.__setattr__(self, "distance", distance)
 

@@ -161,7 +161,7 @@ class WorldBatch:
                 raise InvalidParameterError("seed", value, "a whole number of 0 or more, or None")
         entropy = np.random.SeedSequence()
         return [
-            (i, int(values[i]) if values[i] is not None else entropy.spawn(1)[0])
+            (int(i), int(values[i]) if values[i] is not None else entropy.spawn(1)[0])
             for i in chosen
             if values[i] is not None or not self._seeded[i]
         ]

@@ -8,6 +8,7 @@ longer flight). See ``docs/drift_hop.md`` for the tables of observation, action 
 from __future__ import annotations
 
 from dataclasses import dataclass
+
 import numpy as np
 
 from aquaquad_envs.errors import InvalidParameterError, check_choice, check_range
@@ -16,7 +17,14 @@ from aquaquad_envs.physics.grids import Grid
 from aquaquad_envs.physics.randomness import WORDS
 from aquaquad_envs.physics.vehicle import flight_energy_wh
 from aquaquad_envs.tasks import drift_hop_kernels as kernels
-from aquaquad_envs.tasks.scenarios import SCENARIOS, VORTEX_TEAM, Rectangle, ScenarioBank, ScenarioSpec, build_bank
+from aquaquad_envs.tasks.scenarios import (
+    SCENARIOS,
+    VORTEX_TEAM,
+    Rectangle,
+    ScenarioBank,
+    ScenarioSpec,
+    build_bank,
+)
 from aquaquad_envs.tasks.task import ActionSpec, Task
 
 _SCENARIO_DEFAULTS = {"file": {"half_width_m": 20_000.0, "horizon_s": 48 * 3600.0}}
@@ -68,7 +76,7 @@ class Params:
     #: degrees north and east; Monterey, where the vehicle was developed.
     latitude: float = 36.6
     longitude: float = -121.867
-    #: UTC; 08:00 local summer time at the default place.
+    #: UTC; 08:00 local summer time at the default place. Real currents with dates bring their own.
     start_time: str = "2014-06-21T15:00"
     #: s; the clock at the start is uniform in [0, this] after ``start_time``.
     start_time_spread_s: float = 0.0
@@ -197,6 +205,7 @@ WORLD = np.dtype(
     ]
 )  # fmt: skip
 
+
 def metrics(worlds: np.ndarray, params: Params) -> dict[str, np.ndarray]:
     """Metrics of the episodes so far, each of shape (num_worlds,); meaningful once an episode is over.
 
@@ -221,7 +230,9 @@ def metrics(worlds: np.ndarray, params: Params) -> dict[str, np.ndarray]:
 
 def _solar(params: Params, bank: ScenarioBank) -> tuple[energy.SolarCharge, float]:
     """Charge table over the mission, and seconds of local solar time at clock 0."""
-    start = np.datetime64(energy.parse_start_time(params.start_time), "s")
+    # Real currents bring their own place and date; the sun follows them.
+    start_time = bank.start_time or params.start_time
+    start = np.datetime64(energy.parse_start_time(start_time), "s")
     latitude, longitude = params.latitude, params.longitude
     if bank.center is not None:
         latitude, longitude = bank.center
@@ -236,15 +247,15 @@ def _solar(params: Params, bank: ScenarioBank) -> tuple[energy.SolarCharge, floa
         ), offset
     if params.solar == "file":
         return energy.weather_file_charge(
-            params.solar_file, start_time=params.start_time, duration_s=duration
+            params.solar_file, start_time=start_time, duration_s=duration
         ), offset
     return energy.clear_sky_charge(
-        latitude=latitude, longitude=longitude, start_time=params.start_time, duration_s=duration
+        latitude=latitude, longitude=longitude, start_time=start_time, duration_s=duration
     ), offset
 
 
 def _discrete_actions() -> np.ndarray:
-    """Hop vectors of the discrete variant: 0 drifts; then 16 headings (anticlockwise from east) at half and full length."""
+    """Hop vectors of the discrete variant: 0 drifts, then 16 headings (from east, anticlockwise) at two lengths."""
     angle = np.arange(16) * np.pi / 8
     ring = np.stack([np.cos(angle), np.sin(angle)], -1)
     return np.concatenate([np.zeros((1, 2)), 0.5 * ring, ring])

@@ -107,7 +107,9 @@ def rollout(
         if not running.any():
             break
     else:
-        raise AquaQuadError(f"rollout: {int(running.sum())} episodes did not end in {_MOST_DECISIONS} decisions.")
+        raise AquaQuadError(
+            f"rollout: {int(running.sum())} episodes did not end in {_MOST_DECISIONS} decisions."
+        )
     return EpisodeResults(
         seeds=seeds.copy(), worlds=batch.snapshot(), metrics=batch.metrics(), rewards=rewards,
         decisions=decisions, planning_s=planning, track=np.stack(positions) if tracks else None,

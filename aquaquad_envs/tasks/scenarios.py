@@ -99,6 +99,13 @@ def _vortex(spec: ScenarioSpec) -> ScenarioBank:
     field = current_formulas.published_vortex(interpolation=spec.interpolation)
     grid, side = Grid.square(spec.half_width_m, 100.0)
     obstacles = _obstacles(spec, (VORTEX_OBSTACLE,), grid, side)
+    for name, (x, y) in (("start", VORTEX_START), ("goal", VORTEX_GOAL)):
+        clearance = clearance_at(obstacles.distance[None], 0, grid, x, y)
+        if clearance < 0:
+            raise InvalidParameterError(
+                "obstacles", f"one that covers the vortex {name} ({x:g}, {y:g}) by {-clearance:.0f} m",
+                f"open water at the {name}", "Move it, or reduce obstacle_margin_m.",
+            )  # fmt: skip
     spread = 500.0 if spec.scenario == "vortex-perturbed" else 0.0
     scenarios = np.array([(0, 0, 0, *VORTEX_START, spread, *VORTEX_GOAL, spread)], dtype=SCENARIO_RECORD)
     return ScenarioBank(

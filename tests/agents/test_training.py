@@ -47,7 +47,9 @@ def test_state_survives_a_round_trip(algorithm, tmp_path):
     model.learn(200)
     tensors, settings = training_tensors(model)
     other = build(recipe, seed=1, threads=1, log_folder=None)
-    assert any(not np.array_equal(training_tensors(other)[0].get(name), value) for name, value in tensors.items())
+    assert any(
+        not np.array_equal(training_tensors(other)[0].get(name), value) for name, value in tensors.items()
+    )
     restore_state(other, tensors, settings)
     again, _ = training_tensors(other)
     assert again.keys() == tensors.keys()

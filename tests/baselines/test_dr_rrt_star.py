@@ -13,7 +13,8 @@ from aquaquad_envs.physics.obstacles import ObstacleMap, clearance_at
 from aquaquad_envs.physics.randomness import seed_streams
 from aquaquad_envs.physics.vehicle import drift_step, flight_energy_wh
 from baselines import dr_rrt_star_published as published
-from baselines.dr_rrt_star import DrRrtStar, plan, plan_published, published_table
+from baselines.dr_rrt_star import DrRrtStar, plan, plan_published
+from baselines.dr_rrt_star_table import published_table
 from baselines.plan import DRIFT
 from baselines.problem import DriftHopProblem
 

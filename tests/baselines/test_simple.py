@@ -129,7 +129,9 @@ def test_a_last_hop_is_never_below_the_drift_threshold():
 
 def test_a_walled_off_goal_is_flown_at_and_missed():
     # A wall 3 km thick across the whole box cannot be hopped over.
-    batch = make_world_batch("drift-hop", 1, scenario="vortex", obstacles=((-1500.0, -6000.0, 1500.0, 6000.0),))
+    batch = make_world_batch(
+        "drift-hop", 1, scenario="vortex", obstacles=((-1500.0, -6000.0, 1500.0, 6000.0),)
+    )
     results = rollout(make_policy("direct-flight", batch), batch, [0])
     assert batch.task.outcomes[results.worlds["outcome"][0]] == "collision"
 

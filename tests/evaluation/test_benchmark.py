@@ -106,7 +106,11 @@ def test_strata_are_reported_apart_and_make_up_the_whole(tmp_path):
     run = benchmark(tmp_path, ["direct-flight"], ["gyres"], episodes=4)
     run.run()
     entry = json.loads((tmp_path / "results.json").read_text())["results"][0]
-    assert {name: part["episodes"] for name, part in entry["strata"].items()} == {"easy": 2, "medium": 1, "hard": 1}
+    assert {name: part["episodes"] for name, part in entry["strata"].items()} == {
+        "easy": 2,
+        "medium": 1,
+        "hard": 1,
+    }
     energies = [(p["episodes"], p["metrics"]["flight_energy_wh"]["mean"]) for p in entry["strata"].values()]
     whole = sum(n * mean for n, mean in energies) / 4
     assert entry["metrics"]["flight_energy_wh"]["mean"] == pytest.approx(whole)
@@ -157,10 +161,9 @@ def test_a_killed_run_loses_at_most_one_policy(tmp_path, how, status):
                 break
             time.sleep(0.1)
         assert found == ["direct-flight", "drift"], process.communicate()[0]
-        if how == signal.SIGINT:
-            pytest.skip("a decision that sleeps outlasts Ctrl-C; see the in-process test")
         process.send_signal(how)
-        assert process.wait(30) == status
+        # Less than the policy sleeps: Ctrl-C waits for nobody.
+        assert process.wait(45) == status
         kept = json.loads(path.read_text())["results"]
         assert [entry["policy"] for entry in kept] == ["direct-flight", "drift"]
     finally:
@@ -170,6 +173,9 @@ def test_a_killed_run_loses_at_most_one_policy(tmp_path, how, status):
 
 def test_json_has_null_for_what_is_not_a_number(tmp_path):
     path = tmp_path / "x" / "y.json"
-    write_json(path, {"a": [math.nan, np.float64("inf"), np.int64(3), (1.5, None)], "b": np.array([True]), "c": Path("z")})
+    write_json(
+        path,
+        {"a": [math.nan, np.float64("inf"), np.int64(3), (1.5, None)], "b": np.array([True]), "c": Path("z")},
+    )
     assert json.loads(path.read_text()) == {"a": [None, None, 3, [1.5, None]], "b": [True], "c": "z"}
     assert [p.name for p in path.parent.iterdir()] == ["y.json"]

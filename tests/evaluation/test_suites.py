@@ -44,7 +44,7 @@ def test_other_seed_sets_are_disjoint_and_more_episodes_begin_with_fewer(suite):
 
 def test_strata_are_equal_parts_and_disjoint():
     frozen = frozen_strata()
-    everything = sum((frozen[name] for name in STRATA), [])
+    everything = [seed for name in STRATA for seed in frozen[name]]
     assert len(everything) == len(set(everything)) == strata.CANDIDATES
     assert len({len(frozen[name]) for name in STRATA}) == 1
     suite = next(s for s in ALL if s.name == "gyres")

@@ -17,7 +17,8 @@ X, Y = GRID.nodes(SIDE, SIDE)
 def signed(shape):
     """Signed distance of the nodes to a shapely shape."""
     points = shapely.points(X, Y)
-    edge = shapely.distance(points, shape.boundary)
+    with np.errstate(all="ignore"):  # shapely divides by zero on the way for corners of 1e-300 m
+        edge = shapely.distance(points, shape.boundary)
     return np.where(shapely.contains_properly(shape, points), -edge, edge)
 
 
