@@ -1,4 +1,4 @@
-"""Imitation of the grid optimum: dataset aggregation (DAgger) on the task's own worlds.
+"""Imitation of a scripted policy: dataset aggregation (DAgger) on the task's own worlds.
 
 Ross, Gordon and Bagnell, "A reduction of imitation learning and structured prediction to no-regret
 online learning", AISTATS 2011: the learner acts, the expert says what it would have done in the
@@ -15,10 +15,8 @@ import torch
 from agents.recipes import FIRST_TRAINING_SEED, Recipe
 from aquaquad_envs.physics.obstacles import clearance_at
 from aquaquad_envs.tasks.batch import WorldBatch, make_world_batch
-from baselines.optimal import Optimal
+from baselines import Policy, make_policy
 
-#: Missions a round that each world is scattered to and started anew, its goal and field kept.
-MISSIONS_PER_ROUND = 16
 _MINIBATCH = 256
 
 
@@ -47,8 +45,8 @@ def imitate(
         # the expert plans around obstacles grown by a margin, in worlds that are the same otherwise.
         margin = params.get("obstacle_margin_m", 0.0) + recipe.imitation_margin_m
         planned = {**params, "obstacle_margin_m": margin}
-        expert = Optimal(make_world_batch(recipe.task, recipe.imitation_worlds, **planned))
-        for mission in range(MISSIONS_PER_ROUND):
+        expert = make_policy(recipe.expert, make_world_batch(recipe.task, recipe.imitation_worlds, **planned))
+        for mission in range(recipe.imitation_missions):
             batch.reset(first)
             if mission > 0:
                 _scatter(batch, rng)
@@ -77,7 +75,7 @@ def _scatter(batch: WorldBatch, rng: np.random.Generator) -> None:
 
 
 def _roll(
-    batch: WorldBatch, expert: Optimal, actor: torch.nn.Module, trust: float, rng: np.random.Generator
+    batch: WorldBatch, expert: Policy, actor: torch.nn.Module, trust: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """One mission of every world: observations met and what the expert would have done there."""
     seen, labels = [], []

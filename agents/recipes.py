@@ -18,8 +18,8 @@ class Recipe:
 
     ``params`` are the task's parameters in training, ``validation`` those of the episodes that are
     evaluated now and then. ``algorithm_settings`` go to the Stable-Baselines3 constructor as they are.
-    ``imitation_rounds`` > 0 begins with so many rounds of imitating the task's grid optimum (DAgger:
-    Ross, Gordon and Bagnell, AISTATS 2011), which spares the long patience that exploring needs.
+    ``imitation_rounds`` > 0 begins with so many rounds of imitating the scripted policy ``expert``
+    (DAgger: Ross, Gordon and Bagnell, AISTATS 2011), which spares the long patience that exploring needs.
     """
 
     task: str
@@ -32,7 +32,11 @@ class Recipe:
     algorithm_settings: dict[str, Any] = field(default_factory=dict)
     initial_log_std: float = -1.0
     imitation_rounds: int = 0
+    #: the scripted policy that is imitated
+    expert: str = "optimal"
     imitation_worlds: int = 256
+    #: missions a round from each world: the first from its start, the others from anywhere
+    imitation_missions: int = 16
     imitation_epochs: int = 20
     #: m by which obstacles are grown for the imitated expert
     imitation_margin_m: float = 150.0
@@ -94,7 +98,11 @@ def drift_hop_recipe(scenario: str, algorithm: str) -> Recipe:
         algorithm_settings=dict(_PPO if ppo else _SAC),
         initial_log_std=-2.0 if ppo else -1.0,
         imitation_rounds=10 if ppo else 0,
-        imitation_worlds=24 if scenario == "vortex" else 16,
+        # One value function serves all of the vortex's missions; every random field would need its own.
+        expert="optimal" if scenario == "vortex" else "direct-flight",
+        imitation_worlds=24 if scenario == "vortex" else 128,
+        imitation_missions=16 if scenario == "vortex" else 4,
+        imitation_margin_m=150.0 if scenario == "vortex" else 300.0,
         value_warmup_frames=500_000 if ppo else 0,
     )
 

@@ -120,7 +120,7 @@ class _Follower(BaseCallback):
         self.frozen: Any = None
 
     def imitate(self, model: BaseAlgorithm) -> None:
-        """Begin from an imitation of the task's grid optimum."""
+        """Begin from an imitation of the recipe's expert."""
         torch.manual_seed(self.seed)
         imitate(actor_of(model), self.recipe, seed=self.seed, report=self.bar.imitation)
         self.evaluate(model)

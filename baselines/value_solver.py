@@ -28,7 +28,7 @@ _LONGEST_STEP_S = 300.0
 #: Slices of a value function in time, at most; length of one where nothing else is asked for, s.
 _MAX_SLICES, _SLICE_S = 145, 600.0
 #: Floats a node, at most, in a field that changes with time.
-_FLOATS_A_NODE = 1.5
+_FLOATS_A_NODE = 2.0
 #: Nodes a side that a landing place can name.
 _MAX_SIDE = 2**15
 _MAX_ITERATIONS = 500

@@ -15,6 +15,7 @@ from aquaquad_envs.physics.vehicle import drift_step, flight_energy_wh
 from baselines import dr_rrt_star_published as published
 from baselines.dr_rrt_star import DrRrtStar, plan, plan_published
 from baselines.dr_rrt_star_table import published_table
+from baselines.forecast_check import ForecastCheck
 from baselines.plan import DRIFT
 from baselines.problem import DriftHopProblem
 
@@ -321,6 +322,67 @@ def test_policy_replans_when_the_forecast_is_wrong_and_repeats_itself():
     again, counts_again = run()
     np.testing.assert_array_equal(energy, again)
     np.testing.assert_array_equal(counts, counts_again)
+
+
+def test_a_world_fares_the_same_alone_and_in_a_batch():
+    def run(seeds):
+        batch = aquaquad_envs.make_world_batch(
+            "drift-hop", len(seeds), scenario="forecast-error", num_fields=8, horizon_s=6 * 3600.0
+        )
+        metrics, _ = rollout(DrRrtStar(batch, iterations=200), batch, seeds)
+        return metrics["flight_energy_wh"], batch.worlds["x"].copy()
+
+    together = run([3, 4, 5, 6, 7])
+    for i in range(5):
+        alone = run([3 + i])
+        for one, all_ in zip(alone, together, strict=True):
+            assert one[0] == all_[i]
+
+
+def adrift(error, steps=3):
+    """A batch of one adrift for ``steps`` decisions in the vortex, its forecast wrong by a constant (u, v)."""
+    batch = aquaquad_envs.make_world_batch("drift-hop", 1)
+    batch.reset([0])
+    true = batch.ocean.velocity
+    batch.ocean = batch.ocean._replace(velocity=np.concatenate([true, true - np.array(error)]))
+    batch.worlds["forecast"] = 1
+    check = ForecastCheck(batch)
+    for _ in range(steps):
+        check.observe(batch.worlds)
+        danger = check.dangers(batch.worlds, np.array([True]), 0.0)
+        batch.step(np.zeros((1, 2), np.float32))
+    check.observe(batch.worlds)
+    return batch, check, danger
+
+
+def test_forecast_check_measures_a_constant_error():
+    error = (0.06, -0.03)
+    batch, check, _ = adrift(error)
+    np.testing.assert_allclose([row[2:] for row in check.errors[0]], [error] * 3, atol=2e-3)
+    corrected = check.corrected(0, 1)
+    assert corrected.shape == (1, *batch.ocean.velocity.shape[1:])
+    truth = batch.ocean.velocity[0]
+    wrong = np.abs(batch.ocean.velocity[1] - truth)
+    # Better everywhere, most of all where it drifted; hardly changed at the far corner.
+    better = np.abs(corrected[0] - truth)
+    assert (better <= wrong + 1e-12).all()
+    assert better[0, 18, 2].max() < 0.2 * wrong[0, 18, 2].max()
+    assert better[0, 0, -1].max() > 0.9 * wrong[0, 0, -1].max()
+
+
+def test_exact_forecast_is_left_alone():
+    _, check, danger = adrift((0.0, 0.0))
+    assert check.corrected(0, 1) is None
+    assert not danger.any()
+
+
+def test_forecast_check_warns_of_the_edge_that_the_forecast_misses():
+    batch, check, _ = adrift((0.0, 1.0), steps=1)  # drifts north; the forecast says south
+    batch.worlds["x"], batch.worlds["y"] = -4000.0, 4950.0
+    assert check.dangers(batch.worlds, np.array([True]), 0.0)[0]
+    assert not check.dangers(batch.worlds, np.array([False]), 0.0)[0]
+    batch.worlds["y"] = 2000.0
+    assert not check.dangers(batch.worlds, np.array([True]), 0.0)[0]
 
 
 def test_policy_notices_a_world_that_was_reset_alone():

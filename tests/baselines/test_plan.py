@@ -143,5 +143,7 @@ def test_worlds_that_do_not_run_are_left_alone():
     zeros = np.zeros(2)
     follower.act(zeros, zeros, zeros, np.array([False, True]), actions)
     np.testing.assert_allclose(actions, [(0, 0), (0.5, 0)])
+    follower.act(zeros, zeros, zeros, np.array([True, False]), actions)
+    np.testing.assert_allclose(actions, [(0.5, 0), (0.5, 0)])  # what another call wrote stays
     follower.clear(np.array([1]))
     assert list(follower.status) == [FOLLOWING, NEEDS_PLAN]
