@@ -61,6 +61,9 @@ def main() -> int:
             imitation_rounds=args.imitation_rounds,
             checkpoint_every=args.checkpoint_every,
         )
+        if args.algorithm == "ppo" and recipe.imitation_rounds == 0:
+            # Nothing to imitate: exploring has to find everything, and the critic starts level with the actor.
+            recipe = recipe.with_overrides(initial_log_std=-0.5, value_warmup_frames=0)
         if args.learning_rate is not None:
             settings = {**recipe.algorithm_settings, "learning_rate": args.learning_rate}
             recipe = recipe.with_overrides(algorithm_settings=settings)

@@ -88,6 +88,9 @@ def drift_hop_recipe(scenario: str, algorithm: str) -> Recipe:
     check_choice("scenario", scenario, _WORLD)
     check_choice("algorithm", algorithm, ("ppo", "sac"))
     ppo = algorithm == "ppo"
+    settings = dict(_PPO if ppo else _SAC)
+    if ppo and scenario == "vortex":
+        settings["learning_rate"] = 1e-4
     return Recipe(
         task="drift-hop",
         scenario=scenario,
@@ -95,8 +98,9 @@ def drift_hop_recipe(scenario: str, algorithm: str) -> Recipe:
         num_worlds=512 if ppo else 64,
         params=_WORLD[scenario],
         validation=_VALIDATION[scenario],
-        algorithm_settings=dict(_PPO if ppo else _SAC),
-        initial_log_std=-2.0 if ppo else -1.0,
+        algorithm_settings=settings,
+        # Noise beyond a third of the drift threshold (0.1) turns most drifts of an imitated policy into hops.
+        initial_log_std=(-3.5 if scenario == "vortex" else -2.0) if ppo else -1.0,
         imitation_rounds=10 if ppo else 0,
         # One value function serves all of the vortex's missions; every random field would need its own.
         expert="optimal" if scenario == "vortex" else "direct-flight",

@@ -228,11 +228,12 @@ def _mean(values: np.ndarray) -> float | None:
 def validate(recipe: Recipe, folder: Path, episodes: int) -> dict[str, Any]:
     """Mean metrics of a policy checkpoint on ``episodes`` held-out seeds, and a score to compare by.
 
-    The score of an episode is 0 if it failed, else 1 plus the saving against direct flight.
+    The score is the mean saving against direct flight, where a failed episode counts as -4: as much as
+    flying five times the direct way.
     """
     batch = make_world_batch(recipe.task, episodes, **recipe.validation)
     result = rollout(LearnedPolicy(batch, checkpoint=folder), batch, VALIDATION_SEED + np.arange(episodes))
     means = {name: _mean(values) for name, values in result.metrics.items()}
     arrived = result.metrics["success"]
-    means["score"] = float(np.mean(arrived * (1.0 + result.metrics["saving_vs_direct"])))
+    means["score"] = float(np.mean(np.where(arrived > 0, result.metrics["saving_vs_direct"], -4.0)))
     return means
