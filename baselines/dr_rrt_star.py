@@ -70,10 +70,10 @@ def plan_published(
     began = time.perf_counter()
     tree = published.Tree.allocate(iterations)
     mission = published.Mission(
-        problem.velocity, problem.field_index, problem.axes, problem.clearance, problem.obstacle_index,
-        problem.clearance_grid, float(problem.time_s), float(problem.half_width_m), float(problem.goal[0]),
-        float(problem.goal[1]), float(problem.goal_radius_m), float(problem.max_hop_m),
-        float(problem.airspeed_m_s), problem.team, float(problem.target[0]), float(problem.target[1]),
+        _frozen(problem.velocity), problem.field_index, problem.axes, _frozen(problem.clearance),
+        problem.obstacle_index, problem.clearance_grid, float(problem.time_s), float(problem.half_width_m),
+        float(problem.goal[0]), float(problem.goal[1]), float(problem.goal_radius_m), float(problem.max_hop_m),
+        float(problem.airspeed_m_s), _frozen(problem.team), float(problem.target[0]), float(problem.target[1]),
     )  # fmt: skip
     path = np.empty((len(tree.x), 3))
     length, used, _ = published.grow_published(
@@ -168,9 +168,9 @@ def _missions(
     margin = max(0.0, min(margin + _RESERVE_M, *room))
     radius = float(problem.goal_radius_m)
     final = tree_kernels.Mission(
-        velocity=problem.velocity, field=problem.field_index, axes=problem.axes, clearance=problem.clearance,
-        layer=problem.obstacle_index, grid=problem.clearance_grid, time=float(problem.time_s),
-        horizon=float(problem.horizon_s), half_width=float(problem.half_width_m),
+        velocity=_frozen(problem.velocity), field=problem.field_index, axes=problem.axes,
+        clearance=_frozen(problem.clearance), layer=problem.obstacle_index, grid=problem.clearance_grid,
+        time=float(problem.time_s), horizon=float(problem.horizon_s), half_width=float(problem.half_width_m),
         goal_x=float(problem.goal[0]), goal_y=float(problem.goal[1]), goal_radius=radius, aim=0.99 * radius,
         margin=max(0.0, margin - _RESERVE_M), max_hop=float(problem.max_hop_m),
         min_hop=float(0.1001 * problem.max_hop_m if min_hop is None else min_hop),
@@ -194,6 +194,13 @@ def _plan(
         legs=legs.copy(), track=track.copy(), flight_energy_wh=problem.flight_energy_wh(float(flown)),
         success=True, iterations=int(iterations), planning_time_s=time.perf_counter() - began,
     )  # fmt: skip
+
+
+def _frozen(array: np.ndarray) -> np.ndarray:
+    """A read-only view: kernels are compiled anew for arrays that may be written, so none may be."""
+    view = np.ascontiguousarray(array).view()
+    view.setflags(write=False)
+    return view
 
 
 def _check_iterations(iterations: int) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from aquaquad_envs.compilation import kernel
+from aquaquad_envs.physics.obstacles import clearance_at
 from aquaquad_envs.physics.vehicle import flight_time
 from baselines.value_function import (
     GOAL,
@@ -26,6 +27,8 @@ from baselines.value_function import (
 
 #: Aim inside the goal disc by this share of its radius.
 _INSIDE = 0.01
+#: Landings keep this far from edges and obstacles, m.
+_SPARE_M = 0.5
 #: Pattern search for a landing place: halvings of the grid spacing, and moves tried at each.
 _LEVELS, _MOVES = 4, 3
 
@@ -107,10 +110,30 @@ def follow(sea, values, landings, floats, k, chart, x, y, t, period, periods):
 
 
 @kernel
+def _safe_landing(sea, x, y):
+    """Open water with a little to spare, for actions are rounded to single precision."""
+    edge = sea.half_width - _SPARE_M
+    clear = clearance_at(sea.clearance, sea.layer, sea.clearance_grid, x, y)
+    return max(abs(x), abs(y)) <= edge and clear >= _SPARE_M
+
+
+@kernel
+def _nudged(sea, x, y):
+    """(x, y), or a safe landing place a few metres away where that lies on an edge."""
+    if not _safe_landing(sea, x, y):
+        for i in range(8):
+            nx = x + 3.0 * _SPARE_M * np.cos(i * np.pi / 4)
+            ny = y + 3.0 * _SPARE_M * np.sin(i * np.pi / 4)
+            if _safe_landing(sea, nx, ny):
+                return nx, ny
+    return x, y
+
+
+@kernel
 def _cost_of_landing(sea, values, landings, floats, k, chart, x, y, t, zx, zy, min_hop, period, periods):
     """Cost of flying from (x, y) to (zx, zy) and drifting on from there; inf for a hop that is too short."""
     distance = np.sqrt((zx - x) ** 2 + (zy - y) ** 2)
-    if distance < min_hop or not open_water(sea, zx, zy):
+    if distance < min_hop or not _safe_landing(sea, zx, zy):
         return np.inf, 0
     arrival = t + flight_time(distance, chart.airspeed)
     cost, wait = best_drift(sea, values, landings, floats, k, chart, zx, zy, arrival, period, periods, 2)
@@ -184,7 +207,7 @@ def _hop_along(sea, chart, x, y, zx, zy, min_hop, shortest, longest, out):
     if longest >= min_hop and shortest <= chart.max_hop:
         for i in range(tries + 1):
             length = shortest + (longest - shortest) * i / tries
-            if min_hop <= length <= chart.max_hop and open_water(sea, x + length * ux, y + length * uy):
+            if min_hop <= length <= chart.max_hop and _safe_landing(sea, x + length * ux, y + length * uy):
                 out[0], out[1] = length * ux / chart.max_hop, length * uy / chart.max_hop
                 return True
     even = shortest / max(np.ceil(shortest / chart.max_hop), 1.0)
@@ -192,7 +215,7 @@ def _hop_along(sea, chart, x, y, zx, zy, min_hop, shortest, longest, out):
         # First the even split, then the farthest free landing place on the way.
         length = even if i == 0 else chart.max_hop - (chart.max_hop - min_hop) * (i - 1) / tries
         fits = min_hop <= length <= longest and (i == 0 or shortest - length >= min_hop)
-        if fits and open_water(sea, x + length * ux, y + length * uy):
+        if fits and _safe_landing(sea, x + length * ux, y + length * uy):
             out[0], out[1] = length * ux / chart.max_hop, length * uy / chart.max_hop
             return True
     return False
@@ -206,7 +229,7 @@ def _hop_anywhere(sea, values, landings, floats, k, chart, x, y, t, min_hop, lat
         length = min_hop + (chart.max_hop - min_hop) * (i % 4) / 3.0
         dx = length * np.cos((i // 4) * np.pi / 16)
         dy = length * np.sin((i // 4) * np.pi / 16)
-        if not open_water(sea, x + dx, y + dy):
+        if not _safe_landing(sea, x + dx, y + dy):
             continue
         arrival = t + flight_time(length, chart.airspeed)
         cost, _ = best_flight(values, landings, floats, k, chart, x + dx, y + dy, arrival)
@@ -231,11 +254,12 @@ def decide(sea, values, landings, floats, k, chart, x, y, t, period, sub_steps, 
     late = horizon - t < flight_time(to_goal, chart.airspeed) + 2.0 * period
     if late and wait != 1:
         drift, landing = np.inf, GOAL
-    if drift <= fly:
+    if drift <= fly and drift < np.inf:
         return
     zx, zy = chart.goal_x, chart.goal_y
     if landing >= 0:
         zx, zy, _ = meet(values, floats, k, landing, chart, x, y, t)
+        zx, zy = _nudged(sea, zx, zy)
         if drifts_on(values, landings, floats, k, landing):
             zx, zy, cost = refine_landing(
                 sea, values, landings, floats, k, chart, x, y, t, zx, zy, min_hop, period, periods

@@ -203,19 +203,22 @@ def drifts_on(values, landings, floats, k, landing):
 def best_flight(values, landings, floats, k, chart, x, y, t):
     """Least cost of a flight from (x, y) at ``t`` and its landing place, over the four corners' own."""
     _, frames, rows, columns = values.shape
-    frame = min(int(t / chart.time_step + 1e-6), frames - 1) if frames > 1 else 0
     row, column, _, _ = cell_of(chart.grid, rows, columns, x, y)
+    first = last = 0
+    if frames > 1:
+        # Between two slices the landing places of both are looked at: one's float may have ended.
+        first = min(int(t / chart.time_step + 1e-6), frames - 1)
+        last = first if t < chart.time_step * first + 1e-3 else min(first + 1, frames - 1)
     best = np.inf
     chosen = NOWHERE
-    last = NOWHERE
-    for corner in range(4):
-        landing = landings[k, frame, row + corner // 2, column + corner % 2]
-        if landing != last:
-            cost = value_of_flight(values, floats, k, landing, chart, x, y, t)
-            if cost < best:
-                best = cost
-                chosen = landing
-            last = landing
+    for frame in range(first, last + 1):
+        for corner in range(4):
+            landing = landings[k, frame, row + corner // 2, column + corner % 2]
+            if landing != chosen:
+                cost = value_of_flight(values, floats, k, landing, chart, x, y, t)
+                if cost < best:
+                    best = cost
+                    chosen = landing
     return best, chosen
 
 

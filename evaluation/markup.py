@@ -60,8 +60,9 @@ def picture(png: bytes, description: str, caption: str) -> str:
 
 
 def definitions(pairs: dict[str, Any]) -> str:
-    """Names and values."""
-    return "<dl>" + "".join(f"<dt>{escape(k)}</dt><dd>{escape(v)}</dd>" for k, v in pairs.items()) + "</dl>"
+    """Names and values, a dash for None."""
+    rows = (f"<dt>{escape(k)}</dt><dd>{escape(DASH if v is None else v)}</dd>" for k, v in pairs.items())
+    return "<dl>" + "".join(rows) + "</dl>"
 
 
 def folded(title: str, content: str) -> str:

@@ -24,11 +24,11 @@ from evaluation.benchmark import write_json, write_text
 from evaluation.markup import DASH, definitions, escape, number, page, percent, table
 
 #: What the source reports of 1000 runs: energy, Wh, and time, ms, each mean and standard deviation.
-PUBLISHED = {
+PUBLISHED: dict[str, dict[str, Any]] = {
     "single": {"title": "single solution", "energy_wh": (38.69, 6.81), "time_ms": (190.0, 90.0)},
     "seeking": {"title": "optimality-seeking", "energy_wh": (36.26, 3.93), "time_ms": (4964.0, 18.0)},
 }
-_WORLD = {"scenario": "vortex", "interpolation": "cell", "integrator": "euler"}
+_WORLD: dict[str, Any] = {"scenario": "vortex", "interpolation": "cell", "integrator": "euler"}
 
 
 def problem() -> tuple[DriftHopProblem, float]:

@@ -17,6 +17,7 @@ import numpy as np
 
 from aquaquad_envs.tasks.batch import WorldBatch, make_world_batch
 from aquaquad_envs.tasks.rollout import EpisodeResults, rollout
+from baselines import Policy
 from evaluation.policies import build_policy, description
 from evaluation.scores import References, ReferenceSolver
 from evaluation.suites import Suite
@@ -76,20 +77,27 @@ class Workers:
             pool.shutdown(wait=False, cancel_futures=True)
 
 
+class _Mine(threading.local):
+    """What one thread keeps: worlds and policy by the number of worlds."""
+
+    def __init__(self) -> None:
+        self.known: dict[int, tuple[WorldBatch, Policy]] = {}
+
+
 def run_policy(
     suite: Suite, name: str, seeds: np.ndarray, workers: Workers, progress: Progress
 ) -> tuple[EpisodeResults, dict[str, Any]]:
     """Episodes of policy ``name`` on ``seeds``, with tracks, and the policy's description."""
     described = _warm_up(suite, name)
-    mine = threading.local()
+    mine = _Mine()
 
     def work(chunk: np.ndarray) -> EpisodeResults:
         # A thread keeps its worlds and policies: what a planner knows of a field serves the next chunk too.
-        known = mine.__dict__.setdefault(len(chunk), [])
-        if not known:
+        known = mine.known
+        if len(chunk) not in known:
             batch = make_batch(suite, len(chunk))
-            known[:] = batch, build_policy(name, batch)
-        batch, policy = known
+            known[len(chunk)] = batch, build_policy(name, batch)
+        batch, policy = known[len(chunk)]
         return rollout(policy, batch, chunk, tracks=True, on_decision=workers.check)
 
     return EpisodeResults.join(workers.map(work, seeds, progress)), described

@@ -90,12 +90,12 @@ SUITES: dict[str, tuple[Suite, ...]] = {
             about="the same, start and goal each anywhere within 500 m of the published ones",
         ),
         Suite(
-            task="drift-hop", name="gyres", params={"scenario": "gyres"}, episodes=90, stratified=True,
+            task="drift-hop", name="gyres", params={"scenario": "gyres"}, episodes=60, stratified=True,
             about="random divergence-free currents that change with time, random starts, goals and obstacles, in equal "
             "parts from three strata of difficulty",
         ),
         Suite(
-            task="drift-hop", name="forecast-error", params={"scenario": "forecast-error"}, episodes=90,
+            task="drift-hop", name="forecast-error", params={"scenario": "forecast-error"}, episodes=45,
             stratified=True, about="the episodes of gyres, but policies see a forecast that differs from the "
             "current that carries them (relative error 0.4)",
         ),

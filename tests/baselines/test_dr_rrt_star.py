@@ -377,11 +377,13 @@ def test_exact_forecast_is_left_alone():
 
 
 def test_forecast_check_warns_of_the_edge_that_the_forecast_misses():
-    batch, check, _ = adrift((0.0, 1.0), steps=1)  # drifts north; the forecast says south
-    batch.worlds["x"], batch.worlds["y"] = -4000.0, 4950.0
+    batch, check, _ = adrift((0.0, 0.0), steps=1)
+    batch.worlds["x"], batch.worlds["y"] = -4000.0, 4950.0  # the forecast goes south here, at 0.1 m/s
+    assert not check.dangers(batch.worlds, np.array([True]), 0.0)[0]
+    check.errors[0].append((-4000.0, 4900.0, 0.0, 0.3))  # but was seen to be wrong
     assert check.dangers(batch.worlds, np.array([True]), 0.0)[0]
     assert not check.dangers(batch.worlds, np.array([False]), 0.0)[0]
-    batch.worlds["y"] = 2000.0
+    batch.worlds["y"] = 4000.0
     assert not check.dangers(batch.worlds, np.array([True]), 0.0)[0]
 
 

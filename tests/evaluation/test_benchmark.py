@@ -31,7 +31,7 @@ def benchmark(output, policies, suites=("vortex",), episodes=9):
 
 
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory):
+def finished(tmp_path_factory, quick_bound):
     run = benchmark(
         tmp_path_factory.mktemp("run"),
         ["direct-flight", "own_policies:Crash", "own_policies:WrongShape", "drift", "own_policies:Worse"],
@@ -102,7 +102,7 @@ def test_the_same_command_gives_the_same_numbers(finished, tmp_path):
     assert again["metrics"] == first["metrics"] and again["score"] == first["score"]
 
 
-def test_strata_are_reported_apart_and_make_up_the_whole(tmp_path):
+def test_strata_are_reported_apart_and_make_up_the_whole(tmp_path, quick_bound):
     run = benchmark(tmp_path, ["direct-flight"], ["gyres"], episodes=4)
     run.run()
     entry = json.loads((tmp_path / "results.json").read_text())["results"][0]
