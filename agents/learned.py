@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +19,7 @@ class LearnedPolicy:
     None takes the one shipped for the batch's task and scenario. Raises ``CheckpointError``.
     """
 
-    information: ClassVar[str] = "its observations only"
+    information = "its observations only"
 
     def __init__(self, batch: WorldBatch, *, checkpoint: str | Path | None = None) -> None:
         folder = (

@@ -73,12 +73,12 @@ _SAC = {
     "gamma": 0.999,
     "tau": 0.005,
 }
-_WORLD = {
+_WORLD: dict[str, dict[str, Any]] = {
     # Starts spread over the map, so that every part of a long mission is practised from the first episode.
     "vortex": {"scenario": "vortex-perturbed", "start_anywhere": 0.7},
     "gyres": {"scenario": "gyres", "field_seed": 1, "num_fields": 512, "start_anywhere": 0.5},
 }
-_VALIDATION = {
+_VALIDATION: dict[str, dict[str, Any]] = {
     "vortex": {"scenario": "vortex-perturbed"},
     "gyres": {"scenario": "gyres", "field_seed": 2, "num_fields": 200},
 }
@@ -101,9 +101,8 @@ def drift_hop_recipe(scenario: str, algorithm: str) -> Recipe:
         # Noise beyond a third of the drift threshold (0.1) turns most drifts of an imitated policy into hops.
         initial_log_std=-3.5 if ppo else -1.0,
         imitation_rounds=10 if ppo else 0,
-        # Goals near each other share most of what there is to learn; random fields do not.
-        imitation_worlds=24 if scenario == "vortex" else 64,
-        imitation_missions=16 if scenario == "vortex" else 6,
+        imitation_worlds=24,
+        imitation_missions=16 if scenario == "vortex" else 8,
         value_warmup_frames=500_000 if ppo else 0,
     )
 

@@ -128,7 +128,7 @@ def plan(
         search, final = _missions(problem, action_period_s, steps, coarse, min_hop_m, margin_m, euler)
         draft = _search(problem, search, final, iterations, state)
         if np.isfinite(draft.total[0]):
-            rows = int(np.sum(draft.takeoff[: draft.count[0] + 1])) * steps + MAX_LANDINGS + 3
+            rows = int(np.sum(draft.takeoff[: draft.landings[0] + 1])) * steps + MAX_LANDINGS + 3
             legs, track = np.zeros(2 * MAX_LANDINGS + 2, LEG), np.empty((rows, 3))
             num_legs, points, _ = draft_legs(final, draft, legs, track)
             return _plan(problem, legs[:num_legs], track[:points], iterations, began)
@@ -306,7 +306,7 @@ class DrRrtStar:
         """Make new plans for the ``chosen`` worlds and write what they do first."""
         if chosen.any():
             for i in np.flatnonzero(chosen):
-                self._make_plan(i, worlds[i])
+                self._make_plan(int(i), worlds[i])
             self._follower.act(worlds["x"], worlds["y"], worlds["time_s"], chosen, actions)
 
     def _make_plan(self, i: int, world: np.void) -> None:
@@ -331,7 +331,7 @@ class DrRrtStar:
         if wrong and left > 2 * RESERVE_S:
             left -= RESERVE_S
         problem = DriftHopProblem(
-            velocity=corrected if wrong else ocean.velocity, axes=ocean.axes, clearance=ocean.clearance,
+            velocity=ocean.velocity if corrected is None else corrected, axes=ocean.axes, clearance=ocean.clearance,
             clearance_grid=ocean.clearance_grid, field_index=0 if wrong else field,
             obstacle_index=int(world["obstacle"]), start=(float(world["x"]), float(world["y"])), goal=goal,
             half_width_m=params.half_width_m, goal_radius_m=params.goal_radius_m, max_hop_m=params.max_hop_m,

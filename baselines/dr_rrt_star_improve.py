@@ -33,7 +33,7 @@ class Draft(NamedTuple):
     time: np.ndarray  # s since the start
     cost: np.ndarray  # Wh so far
     takeoff: np.ndarray  # periods adrift before the flight to the next landing (or to the goal)
-    count: np.ndarray  # (1,) landings, the last row that counts
+    count: np.ndarray  # type: ignore[assignment]  # (1,) landings, the last row that counts; hides tuple.count
     total: np.ndarray  # (2,) cost of the whole plan, Wh, and its duration, s
 
     @staticmethod
@@ -49,8 +49,8 @@ class Draft(NamedTuple):
 @loop_kernel
 def copy_draft(source, target):
     """Copy ``source`` over ``target``."""
-    rows = source.count[0] + 1
-    target.count[0] = source.count[0]
+    rows = source.landings[0] + 1
+    target.landings[0] = source.landings[0]
     target.total[0] = source.total[0]
     target.total[1] = source.total[1]
     for i in range(rows):
@@ -70,7 +70,7 @@ def _depart(m, draft, i):
     x = draft.x[i]
     y = draft.y[i]
     t = draft.time[i]
-    last = i == draft.count[0]
+    last = i == draft.landings[0]
     best = np.inf
     best_time = np.inf
     look = draft.takeoff[i] + LOOK_AHEAD
@@ -114,8 +114,8 @@ def complete(m, draft, begin, changed, known, bound, steady):
     Rows beyond ``changed`` are the same landings as the last rows of ``known``, so that in a
     ``steady`` current the rest of the plan costs what it cost there. Gives up above ``bound``.
     """
-    n = draft.count[0]
-    shift = known.count[0] - n
+    n = draft.landings[0]
+    shift = known.landings[0] - n
     for i in range(begin, n + 1):
         cost, time = _depart(m, draft, i)
         if not cost < bound:
@@ -176,7 +176,7 @@ def _search_all(m, best, trial, step, least_step, steady, budget):
     """Sweep the pattern search over all landings until a sweep gains nothing."""
     while budget > 0:
         before = best.total[0]
-        for row in range(1, best.count[0] + 1):
+        for row in range(1, best.landings[0] + 1):
             budget = _search_landing(m, best, trial, row, step, least_step, steady, budget)
         if best.total[0] > before - 10.0 * LEAST_GAIN_WH:
             break
@@ -187,11 +187,11 @@ def _search_all(m, best, trial, step, least_step, steady, budget):
 @loop_kernel
 def _insert(draft, row, x, y):
     """Put a landing (x, y) before row ``row``."""
-    for j in range(draft.count[0], row - 1, -1):
+    for j in range(draft.landings[0], row - 1, -1):
         draft.x[j + 1] = draft.x[j]
         draft.y[j + 1] = draft.y[j]
         draft.takeoff[j + 1] = draft.takeoff[j]
-    draft.count[0] += 1
+    draft.landings[0] += 1
     draft.x[row] = x
     draft.y[row] = y
     draft.takeoff[row] = 0
@@ -200,11 +200,11 @@ def _insert(draft, row, x, y):
 @loop_kernel
 def _remove(draft, row):
     """Take landing ``row`` out."""
-    for j in range(row, draft.count[0]):
+    for j in range(row, draft.landings[0]):
         draft.x[j] = draft.x[j + 1]
         draft.y[j] = draft.y[j + 1]
         draft.takeoff[j] = draft.takeoff[j + 1]
-    draft.count[0] -= 1
+    draft.landings[0] -= 1
 
 
 @loop_kernel
@@ -214,7 +214,7 @@ def _departure(m, draft, row):
     y = draft.y[row]
     for step in range(draft.takeoff[row]):
         x, y, _, _ = drift_period(m, draft.time[row] + step * m.period, x, y)
-    if row < draft.count[0]:
+    if row < draft.landings[0]:
         return x, y, draft.x[row + 1], draft.y[row + 1]
     gx, gy, _ = last_landing(m, x, y)
     return x, y, gx, gy
@@ -224,7 +224,7 @@ def _departure(m, draft, row):
 def _restructure(m, best, trial, other, step, least_step, steady, budget, state):
     """Try to split every flight by a drift and to leave out every landing; returns the evaluations left."""
     row = 0
-    while row <= best.count[0] and best.count[0] < MAX_LANDINGS and budget > 0:
+    while row <= best.landings[0] and best.landings[0] < MAX_LANDINGS and budget > 0:
         x0, y0, x1, y1 = _departure(m, best, row)
         length = np.sqrt((x1 - x0) ** 2 + (y1 - y0) ** 2)
         if length >= 2.0 * m.min_hop:
@@ -243,7 +243,7 @@ def _restructure(m, best, trial, other, step, least_step, steady, budget, state)
                         copy_draft(other, best)
         row += 1
     row = 1
-    while row <= best.count[0] and budget > 0:
+    while row <= best.landings[0] and budget > 0:
         copy_draft(best, other)
         _remove(other, row)
         budget -= 1
@@ -281,7 +281,7 @@ def draft_from_tree(tree, m, node, draft):
     if n > MAX_LANDINGS:
         draft.total[0] = np.inf
         return np.inf
-    draft.count[0] = n
+    draft.landings[0] = n
     at = node
     takeoff = tree.arrival_takeoff[node]
     for row in range(n, -1, -1):
@@ -306,7 +306,7 @@ def draft_legs(m, draft, legs, track):
     y = draft.y[0]
     track[0] = t, x, y
     dt = m.period / m.steps
-    for row in range(draft.count[0] + 1):
+    for row in range(draft.landings[0] + 1):
         if draft.takeoff[row] > 0:
             legs[n]["kind"] = DRIFT
             legs[n]["x0"] = x
@@ -325,7 +325,7 @@ def draft_legs(m, draft, legs, track):
             legs[n]["t1"] = t
             n += 1
         gx, gy, length = last_landing(m, x, y)
-        if row < draft.count[0]:
+        if row < draft.landings[0]:
             gx = draft.x[row + 1]
             gy = draft.y[row + 1]
             length = np.sqrt((gx - x) ** 2 + (gy - y) ** 2)

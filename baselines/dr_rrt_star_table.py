@@ -79,5 +79,5 @@ def _script_obstacles(rng: np.random.Generator) -> list[tuple[float, float, floa
             for px, py in ((-4000.0, 4000.0), (3000.0, -3000.0))
         )
         if min(column, row) >= 1 and not near:  # the script's index 0 fails and is drawn again
-            found.append(tuple(map(float, box)))
+            found.append((float(box[0]), float(box[1]), float(box[2]), float(box[3])))
     return found

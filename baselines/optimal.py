@@ -40,10 +40,11 @@ class _Solver:
     def __init__(self, batch: Any, spacing_m: float | None, action_period_s: float | None) -> None:
         self.batch = batch
         params = batch.params
-        self.spacing_m = params.half_width_m / 50 if spacing_m is None else spacing_m
         self.action_period_s = action_period_s
         self.euler = params.integrator == "euler"
         self.steady = batch.ocean.velocity.shape[1] == 1
+        # Slices in time cost: a coarser grid there (100 m and 150 m in the box of 10 km).
+        self.spacing_m = spacing_m or params.half_width_m / (50 if self.steady else 100 / 3)
         self._tables: tuple[Any, DriftTables | None] = (None, None)
 
     def keys(self, worlds: np.ndarray, field: str) -> np.ndarray:
@@ -69,13 +70,14 @@ class Optimal:
     Parameters
     ----------
     batch: the worlds it acts in (continuous actions).
-    spacing_m: of the grid; None: a fiftieth of the half-width (100 m in the box of 10 km).
+    spacing_m: of the grid; None: 1/50 of the half-width (100 m in the box of 10 km), 3/100 (150 m) where
+        the field changes with time.
     field: which field it may know, "forecast" (default) or "truth" (for bounds and ablations).
 
     Deterministic: the seeds of :meth:`reset` change nothing.
     """
 
-    information = "the forecast of the current over the whole mission, all obstacles, its own position, the goal and the clock"
+    information = "the forecast of the current over the whole mission, all obstacles, its own position, the goal, the clock"
 
     def __init__(self, batch: Any, *, spacing_m: float | None = None, field: str = "forecast") -> None:
         check_choice("field", field, ("forecast", "truth"))
@@ -111,6 +113,8 @@ class Optimal:
             float(params.half_width_m), float(params.action_period_s), int(params.sub_steps),
             float(params.horizon_s), float(shortest), self._solver.euler,
         )  # fmt: skip
+        if self._tables is None:  # every world is finished
+            return actions
         lookahead.decide_all(
             worlds, worlds[self.field], self._slots, *self._tables, self._chart,
             self.batch.ocean, vehicle, actions,
@@ -120,7 +124,9 @@ class Optimal:
     def bound_wh(self, *, spacing_m: float | None = None) -> np.ndarray:
         """Least flight energy, Wh, from each world's start on the true field: the task's bound, (num_worlds,).
 
-        Drift may end at any time here, not only after whole action periods.
+        In a steady field drift may end at any time here, not only after whole action periods. The bound is
+        the cost of a plan that lands on grid nodes, approached from above as the grid is refined: a
+        policy that lands anywhere may beat it by the grid's error (see docs/optimal.md).
         """
         worlds = self.batch.worlds
         solver = _Solver(self.batch, spacing_m or self._solver.spacing_m, None)
@@ -140,7 +146,7 @@ class Optimal:
         changed = np.flatnonzero((keys != self._keys).any(-1) & (worlds["outcome"] == 0))
         for i in changed:
             self._keys[i] = keys[i]
-            self._slots[i] = self._slot(worlds, i)
+            self._slots[i] = self._slot(worlds, int(i))
 
     def _slot(self, worlds: np.ndarray, i: int) -> int:
         key = tuple(self._keys[i])
@@ -157,22 +163,23 @@ class Optimal:
         return self._known[key]
 
     def _store(self, key: tuple[float, ...], found: ValueFunction) -> None:
-        slots = 0 if self._tables is None else len(self._tables.values)
+        tables = self._tables
+        slots = 0 if tables is None else len(tables.values)
         free = set(range(slots)) - set(self._known.values())
         if not free and slots == self.batch.num_worlds:
             in_use = {tuple(row) for row in self._keys}
             for old in [known for known in self._known if known not in in_use]:
                 free.add(self._known.pop(old))
-        if not free or self._tables.values.shape[1:] != found.tables.values.shape[1:]:
+        if tables is None or not free or tables.values.shape[1:] != found.tables.values.shape[1:]:
             size = min(max(2 * len(self._known), 1), self.batch.num_worlds)
             grown = Tables(*(np.zeros((size, *array.shape[1:]), array.dtype) for array in found.tables))
-            if self._known:
-                for array, old in zip(grown, self._tables, strict=True):
-                    array[: len(old)] = old
-            self._tables = grown
+            if tables is not None and self._known:
+                for array, rows in zip(grown, tables, strict=True):
+                    array[: len(rows)] = rows
+            self._tables = tables = grown
             free = set(range(size)) - set(self._known.values())
         slot = min(free)
-        for array, new in zip(self._tables, found.tables, strict=True):
+        for array, new in zip(tables, found.tables, strict=True):
             array[slot] = new[0]
         self._known[key] = slot
         self._chart = found.chart

@@ -92,7 +92,7 @@ class Followed(NamedTuple):
     """Plans of many worlds as the compiled follower reads them (row = world)."""
 
     legs: np.ndarray  # (worlds, max legs), dtype LEG
-    count: np.ndarray  # (worlds,) legs of each plan
+    count: np.ndarray  # type: ignore[assignment]  # (worlds,) legs of each plan; hides tuple.count
     leg: np.ndarray  # (worlds,) present leg
     started: np.ndarray  # (worlds,) mission time when the present leg began, s; NaN: not yet
     expected: np.ndarray  # (worlds, max points, 2) planned positions at the decisions of the drifts
@@ -111,7 +111,7 @@ class PlanFollower:
     def _allocate(self, legs: int, points: int) -> Followed:
         n = self.num_worlds
         return Followed(
-            legs=np.zeros((n, legs), LEG), count=np.zeros(n, np.int64), leg=np.zeros(n, np.int64),
+            legs=np.zeros((n, legs), LEG), planned=np.zeros(n, np.int64), leg=np.zeros(n, np.int64),
             started=np.full(n, np.nan), expected=np.zeros((n, points, 2)),
             first=np.zeros((n, legs + 1), np.int64),
         )  # fmt: skip
@@ -119,7 +119,7 @@ class PlanFollower:
     def clear(self, worlds: np.ndarray | None = None) -> None:
         """Forget the plans of ``worlds`` (all by default)."""
         chosen = slice(None) if worlds is None else worlds
-        self._arrays.count[chosen] = 0
+        self._arrays.planned[chosen] = 0
         self.status[chosen] = NEEDS_PLAN
 
     def follow(self, world: int, plan: Plan) -> None:
@@ -130,7 +130,7 @@ class PlanFollower:
         arrays.legs[world, : len(plan.legs)] = plan.legs
         arrays.expected[world, : len(expected)] = expected
         arrays.first[world, : len(first)] = first
-        arrays.count[world] = len(plan.legs) if plan.success else 0
+        arrays.planned[world] = len(plan.legs) if plan.success else 0
         arrays.leg[world] = 0
         arrays.started[world] = np.nan
         self.status[world] = FOLLOWING if plan.success else NEEDS_PLAN
@@ -181,7 +181,7 @@ def _follow(plans, settings, x, y, time, running, status, actions):
 
 @loop_kernel
 def _follow_one(i, plans, settings, x, y, time, status, actions):
-    while plans.leg[i] < plans.count[i]:
+    while plans.leg[i] < plans.planned[i]:
         number = plans.leg[i]
         leg = plans.legs[i, number]
         if leg["kind"] == HOP:
@@ -206,7 +206,7 @@ def _follow_one(i, plans, settings, x, y, time, status, actions):
         duration = leg["t1"] - leg["t0"]
         if elapsed + 0.5 * settings.period > duration:
             if (
-                number + 1 < plans.count[i]
+                number + 1 < plans.planned[i]
                 and _distance(x - leg["x1"], y - leg["y1"]) <= settings.watch_radius
             ):
                 plans.leg[i] += 1

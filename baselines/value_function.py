@@ -223,26 +223,56 @@ def best_flight(values, landings, floats, k, chart, x, y, t):
 
 
 @kernel
-def offer(values, landings, floats, k, frame, chart, blocked, over, row, column, landing, run, t):
-    """Take ``landing`` for a node if it is cheaper; ``run`` is the blocked stretch flown over to get here."""
-    if run > chart.max_hop:
-        return
+def can_fly(sea, max_hop, x0, y0, x1, y1):
+    """Whether hops of at most ``max_hop`` carry the vehicle straight to (x1, y1): no longer stretch is blocked.
+
+    Walks the line by the clearance, so open water costs little.
+    """
+    dx, dy = x1 - x0, y1 - y0
+    length = np.sqrt(dx * dx + dy * dy)
+    if length <= max_hop:
+        return True
+    least = 0.25 * sea.clearance_grid.spacing
+    walked = 0.0
+    blocked = 0.0
+    while walked < length:
+        x, y = x0 + dx * walked / length, y0 + dy * walked / length
+        clear = clearance_at(sea.clearance, sea.layer, sea.clearance_grid, x, y)
+        step = max(abs(clear), least)
+        blocked = blocked + step if clear < 0.0 else 0.0
+        if blocked > max_hop:
+            return False
+        walked += step
+    return True
+
+
+@kernel
+def _can_reach(sea, values, floats, k, landing, chart, x, y, t):
+    if landing == GOAL:
+        return can_fly(sea, chart.max_hop, x, y, chart.goal_x, chart.goal_y)
+    zx, zy, _ = meet(values, floats, k, landing, chart, x, y, t)
+    return can_fly(sea, chart.max_hop, x, y, zx, zy)
+
+
+@kernel
+def offer(sea, values, landings, floats, k, frame, chart, any_blocked, row, column, landing, t):
+    """Take ``landing`` for a node if it is cheaper and can be flown to."""
     x = chart.grid.x0 + chart.grid.spacing * column
     y = chart.grid.y0 + chart.grid.spacing * row
     cost = value_of_flight(values, floats, k, landing, chart, x, y, t)
     if cost < values[k, frame, row, column] - 1e-3:
+        if any_blocked and not _can_reach(sea, values, floats, k, landing, chart, x, y, t):
+            return
         values[k, frame, row, column] = cost
         landings[k, frame, row, column] = landing
-        over[row, column] = run if blocked[row, column] else 0.0
 
 
 @kernel
-def spread_flights(values, landings, floats, k, frame, chart, blocked, any_blocked, over, rounds):
+def spread_flights(sea, values, landings, floats, k, frame, chart, blocked, any_blocked, rounds):
     """Propagate landing places from node to node until ``rounds`` sweeps in four directions are done.
 
-    A flight may pass over an obstacle, but lands every ``max_hop`` at the latest: ``over`` carries the
-    length of the blocked stretch under a node, and a longer stretch ends the propagation. Nodes in
-    obstacles only pass flights on; they are no landing places (their value is not V).
+    A flight may pass over an obstacle, but lands in open water every ``max_hop`` at the latest. Nodes in
+    obstacles only pass landing places on; they are none themselves (their value is not V).
     """
     V, L = values[k, frame], landings[k, frame]
     rows, columns = V.shape
@@ -259,7 +289,6 @@ def spread_flights(values, landings, floats, k, frame, chart, blocked, any_block
                 x = chart.grid.x0 + size * column
                 own = L[row, column]
                 best = np.float64(V[row, column])
-                below = over[row, column]
                 if sweep == 0 and own >= 0 and own != pack(row, column):
                     # The landing place may have become cheaper since it was chosen.
                     best = min(value_of_flight(values, floats, k, own, chart, x, y, t), best)
@@ -273,25 +302,21 @@ def spread_flights(values, landings, floats, k, frame, chart, blocked, any_block
                     apart = size if n == 1 or n == 3 else np.sqrt(2.0) * size
                     if landing == NOWHERE or V[r, c] - apart > best:
                         continue
-                    run = 0.0
-                    if any_blocked and (blocked[row, column] or blocked[r, c]):
-                        run = over[r, c] + apart
-                        if run > chart.max_hop:
-                            continue
                     if landing != own:
                         cost = value_of_flight(values, floats, k, landing, chart, x, y, t)
-                        if cost < best - 1e-3:
-                            best, own, below = cost, landing, run
+                        if cost < best - 1e-3 and (
+                            not any_blocked or _can_reach(sea, values, floats, k, landing, chart, x, y, t)
+                        ):
+                            best, own = cost, landing
                     if any_blocked and not blocked[r, c] and V[r, c] + apart < best - 1e-3:
                         # Round a corner: land at the neighbour and fly on from there.
-                        best, own, below = V[r, c] + apart, pack(r, c), run
+                        best, own = V[r, c] + apart, pack(r, c)
                 V[row, column] = best
                 L[row, column] = own
-                over[row, column] = below if blocked[row, column] else 0.0
 
 
 @kernel
-def seed_goal(values, landings, floats, k, frame, chart, blocked, over, t):
+def seed_goal(sea, values, landings, floats, k, frame, chart, blocked, t):
     """Nodes within one hop of the goal fly to it directly."""
     for row in range(values.shape[2]):
         for column in range(values.shape[3]):
@@ -299,7 +324,7 @@ def seed_goal(values, landings, floats, k, frame, chart, blocked, over, t):
             y = chart.grid.y0 + chart.grid.spacing * row
             distance = np.sqrt((x - chart.goal_x) ** 2 + (y - chart.goal_y) ** 2)
             if distance <= chart.max_hop and not blocked[row, column]:
-                offer(values, landings, floats, k, frame, chart, blocked, over, row, column, GOAL, 0.0, t)
+                offer(sea, values, landings, floats, k, frame, chart, False, row, column, GOAL, t)
 
 
 @kernel

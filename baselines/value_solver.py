@@ -199,10 +199,9 @@ def _fixed_point(problem: DriftHopProblem, drift: DriftTables, tolerance_m: floa
     grid, blocked = drift.grid, drift.blocked
     chart = _chart(problem, grid, drift.sample_s, np.inf)
     tables = _empty_tables(1, blocked.shape, 0)
-    over = np.zeros(blocked.shape, dtype=np.float32)
     before = np.full(blocked.shape, np.nan, dtype=np.float32)
-    seed_goal(*tables, 0, 0, chart, blocked, over, 0.0)
-    spread_flights(*tables, 0, 0, chart, blocked, drift.any_blocked, over, 2)
+    seed_goal(drift.sea, *tables, 0, 0, chart, blocked, 0.0)
+    spread_flights(drift.sea, *tables, 0, 0, chart, blocked, drift.any_blocked, 2)
     change, iterations = np.inf, 0
     while change >= tolerance_m:
         if iterations == _MAX_ITERATIONS:
@@ -212,10 +211,10 @@ def _fixed_point(problem: DriftHopProblem, drift: DriftTables, tolerance_m: floa
             )
         changed = np.uint64(value_steady.changed_blocks(drift.sea, grid, before, tables.values, 0))
         change = value_steady.relax_drift(
-            tables.values, tables.landings, 0, chart, over, drift.paths, drift.counts, drift.sample_s, drift.stride, drift.visits,
-            changed,
+            tables.values, tables.landings, 0, chart, drift.paths, drift.counts, drift.sample_s, drift.stride,
+            drift.visits, changed,
         )  # fmt: skip
-        spread_flights(*tables, 0, 0, chart, blocked, drift.any_blocked, over, 1)
+        spread_flights(drift.sea, *tables, 0, 0, chart, blocked, drift.any_blocked, 1)
         iterations += 1
     # Nodes in obstacles hold the cost of passing over them, which is no V.
     tables.values[:, :, blocked] = np.inf
@@ -240,11 +239,10 @@ def solve_timed(
     tables = _empty_tables(frames, (side, side), int(_FLOATS_A_NODE * side * side))
     blocked = np.zeros((side, side), dtype=bool)
     any_blocked = blocked_nodes(sea, grid, blocked)
-    over = np.zeros((side, side), dtype=np.float32)
     states = np.zeros(tables.floats.shape[1:3], dtype=np.int8)
     near = np.zeros((side, side), dtype=np.int32)
     value_timed.release_floats(sea, tables.floats, states, 0, chart, blocked, near)
-    value_timed.sweep_back(*tables, states, 0, chart, blocked, any_blocked, over)
+    value_timed.sweep_back(sea, *tables, states, 0, chart, blocked, any_blocked)
     tables.values[:, :, blocked] = np.inf
     return ValueFunction(
         tables=tables, grid=grid, times_s=step * np.arange(frames), iterations=1, change_m=0.0, step_s=step,

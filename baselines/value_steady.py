@@ -74,7 +74,7 @@ def drift_paths(sea, grid, sample_s, paths, counts, visits):
 
 
 @kernel
-def relax_drift(values, landings, k, chart, over, paths, counts, sample_s, stride, visits, changed):
+def relax_drift(values, landings, k, chart, paths, counts, sample_s, stride, visits, changed):
     """Steady field: let every node drift, then fly (or arrive); returns the greatest decrease of V, m.
 
     A node whose drift pays becomes its own landing place. ``stride`` is the longest way between two
@@ -127,5 +127,4 @@ def relax_drift(values, landings, k, chart, over, paths, counts, sample_s, strid
                 greatest = max(greatest, before - best)
                 V[row, column] = best
                 L[row, column] = pack(row, column)
-                over[row, column] = 0.0
     return greatest

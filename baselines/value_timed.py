@@ -23,7 +23,7 @@ from baselines.value_function import (
     spread_flights,
 )
 
-#: States of a float in a slice: none; goes no further; drifts to the next slice; arrives on the way there.
+#: A float in a slice: none; goes no further; drifts to the next slice; arrives on the way there.
 EMPTY, ENDS, DRIFTS, ARRIVES = 0, 1, 2, 3
 #: A float that is this much too dear before it has moved towards a vehicle in flight is not looked at, m.
 _SLACK_M = 20.0
@@ -37,7 +37,8 @@ _PIECES = 2
 def release_floats(sea, floats, states, k, chart, blocked, near):
     """Drift floats forward through all slices; ``near`` (rows, columns) int32 is scratch.
 
-    Fills the places in ``floats`` and ``states`` (frames, floats) int8. A float ends where it leaves the box or meets an obstacle.
+    Fills the places in ``floats`` and ``states`` (frames, floats) int8. A float ends where it
+    leaves the box or meets an obstacle.
     """
     rows, columns = blocked.shape
     frames, size = states.shape
@@ -89,7 +90,7 @@ def release_floats(sea, floats, states, k, chart, blocked, near):
 
 
 @kernel
-def sweep_back(values, landings, floats, states, k, chart, blocked, any_blocked, over):
+def sweep_back(sea, values, landings, floats, states, k, chart, blocked, any_blocked):
     """Fill all slices from the last to the first (after :func:`release_floats`)."""
     rows, columns = blocked.shape
     last = values.shape[1] - 1
@@ -101,27 +102,25 @@ def sweep_back(values, landings, floats, states, k, chart, blocked, any_blocked,
         values[k, frame] = np.inf
         landings[k, frame] = NOWHERE
         spots[frame, :, 2] = np.inf
-        seed_goal(values, landings, floats, k, frame, chart, blocked, over, t)
+        seed_goal(sea, values, landings, floats, k, frame, chart, blocked, t)
         if back > 0:
             # Slices resemble each other: begin with the landing places of the next one.
             for row in range(rows):
                 for column in range(columns):
                     earlier = landings[k, frame + 1, row, column]
                     if earlier != NOWHERE:
-                        run = over[row, column]
                         offer(
+                            sea,
                             values,
                             landings,
                             floats,
                             k,
                             frame,
                             chart,
-                            blocked,
-                            over,
+                            any_blocked,
                             row,
                             column,
                             earlier,
-                            run,
                             t,
                         )
         for i in range(states.shape[1]):
@@ -141,6 +140,5 @@ def sweep_back(values, landings, floats, states, k, chart, blocked, any_blocked,
                 dy = chart.grid.y0 + chart.grid.spacing * r - y
                 if np.sqrt(dx * dx + dy * dy) + spots[frame, i, 2] > values[k, frame, r, c] + _SLACK_M:
                     continue
-                run = chart.grid.spacing if blocked[r, c] else 0.0
-                offer(values, landings, floats, k, frame, chart, blocked, over, r, c, FLOAT + i, run, t)
-        spread_flights(values, landings, floats, k, frame, chart, blocked, any_blocked, over, 1)
+                offer(sea, values, landings, floats, k, frame, chart, any_blocked, r, c, FLOAT + i, t)
+        spread_flights(sea, values, landings, floats, k, frame, chart, blocked, any_blocked, 1)

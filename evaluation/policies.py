@@ -9,7 +9,7 @@ from typing import Any
 
 from aquaquad_envs.errors import CheckpointError, InvalidParameterError, check_choice
 from aquaquad_envs.tasks.batch import WorldBatch
-from baselines import POLICIES, Policy, make_policy
+from baselines import POLICIES, make_policy
 
 LEARNED = "ppo"
 
@@ -51,8 +51,8 @@ def find_policies(task: str, names: Sequence[str]) -> list[str]:
     return list(dict.fromkeys(names)) or policy_names(task)
 
 
-def build_policy(name: str, batch: WorldBatch) -> Policy:
-    """The policy called ``name`` for ``batch``.
+def build_policy(name: str, batch: WorldBatch) -> Any:
+    """The policy called ``name`` for ``batch``: see ``baselines.Policy`` for its members.
 
     Raises ``CheckpointError`` where a learned one has no checkpoint that fits, or lacks a package.
     """

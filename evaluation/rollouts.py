@@ -17,7 +17,6 @@ import numpy as np
 
 from aquaquad_envs.tasks.batch import WorldBatch, make_world_batch
 from aquaquad_envs.tasks.rollout import EpisodeResults, rollout
-from baselines import Policy
 from evaluation.policies import build_policy, description
 from evaluation.scores import References, ReferenceSolver
 from evaluation.suites import Suite
@@ -81,7 +80,7 @@ class _Mine(threading.local):
     """What one thread keeps: worlds and policy by the number of worlds."""
 
     def __init__(self) -> None:
-        self.known: dict[int, tuple[WorldBatch, Policy]] = {}
+        self.known: dict[int, tuple[WorldBatch, Any]] = {}
 
 
 def run_policy(

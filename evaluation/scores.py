@@ -69,7 +69,7 @@ def _episode_key(batch: WorldBatch, world: np.ndarray) -> bytes:
     ocean = batch.ocean
     digest = hashlib.sha256()
     for array in (ocean.velocity[world["truth"]], ocean.clearance[world["obstacle"]]):
-        digest.update(np.ascontiguousarray(array))
+        digest.update(array.tobytes())
     places = [float(world[name]) for name in ("start_x", "start_y", "goal_x", "goal_y", "clock_s")]
     digest.update(repr((places, ocean.axes, ocean.clearance_grid, batch.constants)).encode())
     return digest.digest()
