@@ -36,6 +36,8 @@ class Args:
     """folder for checkpoints, the policy and logs"""
     resume: bool = False
     """go on from OUTPUT's last checkpoint"""
+    start_from: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER")] = None
+    """policy checkpoint to train further, in place of imitating (default: none)"""
     threads: int = 1
     """threads that step the worlds; above 1 pays from about 512 worlds"""
     num_worlds: int | None = None
@@ -71,7 +73,7 @@ def main() -> int:
 
         card = train(
             recipe, steps=args.steps, seed=args.seed, output=args.output, resume=args.resume,
-            threads=args.threads, command=shlex.join(["python", *sys.argv]),
+            threads=args.threads, start_from=args.start_from, command=shlex.join(["python", *sys.argv]),
         )  # fmt: skip
     except AquaQuadError as error:
         print(f"train.py: {error}", file=sys.stderr)

@@ -29,6 +29,20 @@ def actor_tensors(model: BaseAlgorithm) -> dict[str, np.ndarray]:
     return tensors
 
 
+def put_actor(model: BaseAlgorithm, tensors: dict[str, np.ndarray]) -> None:
+    """Put the tensors of :func:`actor_tensors` back; raises ``CheckpointError`` where they do not fit."""
+    layers = [layer for layer in actor_of(model) if isinstance(layer, torch.nn.Linear)]
+    wanted = {
+        f"{i}.{name}": value for i, layer in enumerate(layers) for name, value in layer.named_parameters()
+    }
+    shapes = {name: tuple(value.shape) for name, value in wanted.items()}
+    if shapes != {name: value.shape for name, value in tensors.items()}:
+        raise CheckpointError(f"starting policy: does not fit the recipe's network of {shapes}.")
+    with torch.no_grad():
+        for name, value in wanted.items():
+            value.copy_(torch.from_numpy(tensors[name]))
+
+
 def training_tensors(model: BaseAlgorithm) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """Every tensor of networks and optimisers, flat, and the optimisers' settings (JSON)."""
     tensors: dict[str, np.ndarray] = {}

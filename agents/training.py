@@ -19,7 +19,7 @@ from agents import checkpoints
 from agents.imitation import imitate
 from agents.learned import LearnedPolicy
 from agents.recipes import FIRST_TRAINING_SEED, VALIDATION_SEED, Recipe, check_steps
-from agents.state import actor_of, actor_tensors, restore_state, training_tensors
+from agents.state import actor_of, actor_tensors, put_actor, restore_state, training_tensors
 from aquaquad_envs.errors import CheckpointError
 from aquaquad_envs.interfaces.registration import sb3_vec_env
 from aquaquad_envs.tasks.batch import make_world_batch
@@ -49,6 +49,7 @@ def train(
     output: Path,
     resume: bool = False,
     threads: int = 1,
+    start_from: Path | None = None,
     command: str = "",
     quiet: bool = False,
 ) -> dict[str, Any]:
@@ -56,7 +57,8 @@ def train(
 
     ``output/training`` holds everything needed to go on; it is rewritten atomically every
     ``recipe.checkpoint_every`` frames, so a kill loses at most one interval. ``resume`` goes on from there,
-    with fresh episodes. Returns the card.
+    with fresh episodes. ``start_from``, a policy checkpoint, is trained further in place of imitating.
+    Returns the card.
     """
     check_steps(steps)
     output.mkdir(parents=True, exist_ok=True)
@@ -79,8 +81,11 @@ def train(
     follower = _Follower(
         recipe, seed=seed, output=output, steps=steps, progress=progress, command=command, quiet=quiet
     )
-    if recipe.imitation_rounds and not progress["frames"]:
-        follower.imitate(model)
+    if not progress["frames"]:
+        if start_from is not None:
+            put_actor(model, checkpoints.load(start_from, task=recipe.task, kind="policy")[0])
+        elif recipe.imitation_rounds:
+            follower.imitate(model)
     # Fresh episodes that no earlier interval has seen, far above every seed that is evaluated.
     fresh = np.random.SeedSequence([seed, progress["frames"]]).generate_state(1)
     model.env.seed(FIRST_TRAINING_SEED + int(fresh[0]))

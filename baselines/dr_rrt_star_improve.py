@@ -33,7 +33,7 @@ class Draft(NamedTuple):
     time: np.ndarray  # s since the start
     cost: np.ndarray  # Wh so far
     takeoff: np.ndarray  # periods adrift before the flight to the next landing (or to the goal)
-    count: np.ndarray  # type: ignore[assignment]  # (1,) landings, the last row that counts; hides tuple.count
+    landings: np.ndarray  # (1,) how many: the last row that counts
     total: np.ndarray  # (2,) cost of the whole plan, Wh, and its duration, s
 
     @staticmethod

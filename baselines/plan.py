@@ -92,7 +92,7 @@ class Followed(NamedTuple):
     """Plans of many worlds as the compiled follower reads them (row = world)."""
 
     legs: np.ndarray  # (worlds, max legs), dtype LEG
-    count: np.ndarray  # type: ignore[assignment]  # (worlds,) legs of each plan; hides tuple.count
+    planned: np.ndarray  # (worlds,) legs of each plan
     leg: np.ndarray  # (worlds,) present leg
     started: np.ndarray  # (worlds,) mission time when the present leg began, s; NaN: not yet
     expected: np.ndarray  # (worlds, max points, 2) planned positions at the decisions of the drifts

@@ -68,7 +68,9 @@ class Benchmark:
         self._begun = time.perf_counter()
         # Anything that the arguments ask for and that cannot be is said before the first minute is spent.
         self.strata = {
-            suite.name: suite.strata_seeds(self.episodes or suite.episodes, self.seed)
+            suite.name: suite.strata_seeds(
+                suite.episodes if self.episodes is None else self.episodes, self.seed
+            )
             for suite in self.suites
         }
         for suite in self.suites:

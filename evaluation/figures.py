@@ -75,7 +75,7 @@ def distributions(run: SuiteRun) -> bytes:
         axis.tick_params(axis="y", length=0)
         axis.margins(x=0.06)
     axes[0].set_ylim(len(names) - 0.4, -0.6)
-    axes[0].set_xlim(left=0)
+    axes[0].set_xlim(left=-0.02 * axes[0].get_xlim()[1])
     # One wild policy must not squeeze the rest; points beyond are drawn at the edge.
     axes[1].set_xlim(-1.08, 1.2)
     return _png(figure)

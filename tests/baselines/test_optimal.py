@@ -115,7 +115,7 @@ def dijkstra(velocity_at, goal, spacing, period, periods, blocked):
             cost[:-1][arrived, -1] = 0.0
         offer(places, alive)
     cost[-1, :-1] = np.inf
-    # SciPy reads 0 as "no edge".
+    # SciPy reads 0 as "no edge"; distances to the goal are distances from it in the reversed graph.
     graph = np.where(np.isfinite(cost), np.maximum(cost, 1e-6), 0.0)
     return shortest_paths(graph.T, indices=len(nodes))[:-1].reshape(len(axis), -1)
 
@@ -132,14 +132,20 @@ def test_agrees_with_an_independent_dijkstra(rectangles):
     goal = np.array([3000.0, -3000.0])
     expected = dijkstra(lambda p: np.stack(formula(*p.T, 0), -1), goal, 500, 600.0, 72, blocked)
     field = from_formula(formula, half_width_m=5000.0, spacing_m=500.0)
-    # Hops without limit, as in the graph, which flies over everything.
-    found = solve(problem(field, rectangles, max_hop_m=1e5), spacing_m=500.0, action_period_s=600.0)
-    mine = found.distance[0]
-    assert np.isinf(mine[~np.isfinite(expected)]).all()
-    error = (mine - expected)[np.isfinite(expected)]
-    assert error.min() > -25.0  # corners of obstacles are rounded by a cell
+    # Hops without limit, as in the graph, which flies over everything; a start whose plan meets the deadline.
+    found = solve(
+        problem(field, rectangles, max_hop_m=1e5, start=(2500.0, -2500.0)),
+        spacing_m=500.0,
+        action_period_s=600.0,
+    )
+    assert len(found.times_s) == 1
+    mine, water = found.distance[0], np.isfinite(expected)
+    assert np.isinf(mine[~water]).all()
+    error = mine[water] - expected[water]
+    # The graph knows every pair of nodes, so it is the lower one; obstacles' corners differ by a cell's rounding.
+    assert error.min() > (-25.0 if rectangles else -0.01)
     assert np.abs(error).mean() < 5.0
-    assert np.quantile(error, 0.99) < 40.0
+    assert error.max() < 80.0
 
 
 def test_published_optimum_and_grid_convergence():
@@ -161,7 +167,7 @@ def test_stated_tolerance_is_reached(vortex):
     finer = solve(vortex.problem, tolerance_m=0.01)
     assert finer.iterations >= vortex.iterations
     known = np.isfinite(vortex.distance)
-    assert np.abs(finer.distance - vortex.distance)[known].max() < 2.0
+    assert np.abs(finer.distance[known] - vortex.distance[known]).max() < 2.0
 
 
 def test_following_the_plan_flies_what_v_says(vortex):
