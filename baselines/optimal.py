@@ -77,7 +77,10 @@ class Optimal:
     Deterministic: the seeds of :meth:`reset` change nothing.
     """
 
-    information = "the forecast of the current over the whole mission, all obstacles, its own position, the goal, the clock"
+    information = (
+        "the forecast of the current over the whole mission, all obstacles, its own position, "
+        "the goal and the clock"
+    )
 
     def __init__(self, batch: Any, *, spacing_m: float | None = None, field: str = "forecast") -> None:
         check_choice("field", field, ("forecast", "truth"))

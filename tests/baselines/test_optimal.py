@@ -145,7 +145,7 @@ def test_agrees_with_an_independent_dijkstra(rectangles):
     # The graph knows every pair of nodes, so it is the lower one; obstacles' corners differ by a cell's rounding.
     assert error.min() > (-25.0 if rectangles else -0.01)
     assert np.abs(error).mean() < 5.0
-    assert error.max() < 80.0
+    assert error.max() < (150.0 if rectangles else 50.0)
 
 
 def test_published_optimum_and_grid_convergence():
