@@ -83,7 +83,10 @@ def train(
     )
     if not progress["frames"]:
         if start_from is not None:
-            put_actor(model, checkpoints.load(start_from, task=recipe.task, kind="policy")[0])
+            tensors, card = checkpoints.load(start_from, task=recipe.task, kind="policy")
+            put_actor(model, tensors)
+            progress["started_from"] = {name: card[name] for name in ("command", "seed", "steps", "recipe")}
+            follower.progress = dict(progress)
         elif recipe.imitation_rounds:
             follower.imitate(model)
     # Fresh episodes that no earlier interval has seen, far above every seed that is evaluated.
@@ -220,6 +223,7 @@ class _Follower(BaseCallback):
                 "observation_names": list(batch.task.observation_names),
                 "params": {k: v for k, v in dataclasses.asdict(batch.params).items() if v is not None},
                 "recipe": dataclasses.asdict(self.recipe), "results": results,
+                "started_from": self.progress.get("started_from"),
                 "versions": checkpoints.versions(),
             },
         )  # fmt: skip

@@ -79,7 +79,7 @@ class ValueFunction:
         out = np.empty(x.size)
         lookahead.values_at(
             self.sea, *self.tables, 0, self.chart,
-            x.ravel(), y.ravel(), t.ravel(), self.step_s, self.problem.horizon_s, out,
+            x.flatten(), y.flatten(), t.flatten(), self.step_s, self.problem.horizon_s, out,
         )  # fmt: skip
         return out.reshape(x.shape)
 

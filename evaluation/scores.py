@@ -19,9 +19,6 @@ from baselines import make_policy
 #: An episode whose two ends differ by less than this share of direct flight tells policies apart badly.
 _LEAST_SPAN = 0.01
 
-#: Metrics of one task whose smaller value is better; the others grow with merit.
-LESS_IS_BETTER = {"flight_energy_wh", "optimality_gap", "duration_s", "mean_hdop"}
-
 
 @dataclass(frozen=True, kw_only=True)
 class References:

@@ -74,8 +74,13 @@ class Suite:
 @lru_cache(maxsize=1)
 def frozen_strata() -> dict[str, list[int]]:
     """Seeds of each stratum of ``gyres``, as ``python -m evaluation.strata`` froze them."""
-    text = resources.files("evaluation").joinpath(STRATA_FILE).read_text()
-    return json.loads(text)["seeds"]
+    try:
+        strata = json.loads(resources.files("evaluation").joinpath(STRATA_FILE).read_text())["seeds"]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise AquaQuadError(
+            f"evaluation/{STRATA_FILE}: {error}; make it with `python -m evaluation.strata`."
+        ) from error
+    return {name: strata[name] for name in STRATA}
 
 
 #: Suites by task, in the order of the report. ``file`` needs a file and joins when one is given.
@@ -152,18 +157,3 @@ def _with_currents(suite: Suite, currents: Sequence[Path], center: tuple[float, 
     return Suite(
         task=suite.task, name=suite.name, about=f"{suite.about}: {names}", params=params, episodes=suite.episodes,
     )  # fmt: skip
-
-
-def check_strata_exist() -> None:
-    """Raise ``AquaQuadError`` with the remedy where the frozen strata are missing or damaged."""
-    try:
-        strata = frozen_strata()
-        sound = all(len(strata[stratum]) for stratum in STRATA)
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise AquaQuadError(
-            f"evaluation/{STRATA_FILE}: {error}; make it with `python -m evaluation.strata`."
-        ) from error
-    if not sound:
-        raise AquaQuadError(
-            f"evaluation/{STRATA_FILE}: a stratum is empty; run `python -m evaluation.strata`."
-        )

@@ -82,7 +82,7 @@ class CurrentField:
         """Velocity at points ``x``, ``y`` (any equal shape, m) and one time: shape (..., 2), m/s."""
         x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
         out = np.empty((x.size, 2))
-        _sample(self.velocity[None], 0, self.axes, float(time_s), x.ravel(), y.ravel(), out)
+        _sample(self.velocity[None], 0, self.axes, float(time_s), x.flatten(), y.flatten(), out)
         return out.reshape(*x.shape, 2)
 
 

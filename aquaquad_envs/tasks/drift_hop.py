@@ -221,7 +221,7 @@ def metrics(worlds: np.ndarray, params: Params) -> dict[str, np.ndarray]:
     return {
         "success": (worlds["outcome"] == kernels.GOAL).astype(np.float64),
         "flight_energy_wh": worlds["flight_wh"].copy(),
-        "saving_vs_direct": 1.0 - worlds["flight_wh"] / direct,
+        "saving_vs_direct": 1.0 - worlds["flight_wh"] / np.maximum(direct, 1e-9),
         "duration_s": time_s.copy(),
         "mean_hdop": hdop if params.team else np.full(len(worlds), np.nan),
         "solar_wh": worlds["solar_wh"].copy(),
