@@ -138,7 +138,7 @@ def test_kill_and_resume(tmp_path):
     assert saved["progress"]["frames"] >= frames + 8192
 
 
-def test_imitation_lowers_the_error_on_unseen_missions():
+def test_imitation_lowers_the_error():
     recipe = tiny(imitation_rounds=2, imitation_worlds=4, imitation_epochs=20, hidden=(64,))
     recipe = dataclasses.replace(recipe, params={"scenario": "vortex"})
     model = build(recipe, seed=0, threads=1, log_folder=None)
