@@ -7,6 +7,7 @@ costs two look-ups and sums over steps telescope exactly.
 
 from __future__ import annotations
 
+import threading
 import warnings
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -19,6 +20,7 @@ from aquaquad_envs.errors import InvalidParameterError, check_range
 from aquaquad_envs.physics.grids import locate
 
 SECONDS_PER_HOUR = 3600.0
+_QUIET = threading.Lock()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,8 +119,9 @@ def clear_sky_charge(
     times = pd.DatetimeIndex(start + pd.to_timedelta(np.arange(count) * time_step_s, unit="s"))
     longitude = (longitude + 180.0) % 360.0 - 180.0
     place = pvlib.location.Location(latitude, longitude, altitude=0.0)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # pvlib's own deprecation notices are not our user's
+    # pvlib's own deprecation notices are not our user's; silencing is not safe between threads.
+    with _QUIET, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
         ghi = place.get_clearsky(times, model="ineichen")["ghi"].to_numpy(dtype=np.float64)
     return _cumulative(area_m2 * efficiency * np.maximum(ghi, 0.0), time_step_s)
 
