@@ -80,9 +80,9 @@ _WORLD: dict[str, dict[str, Any]] = {
     "gyres": {
         "scenario": "gyres",
         "field_seed": 1,
-        "num_fields": 1024,
+        "num_fields": 512,
         "start_anywhere": 0.5,
-        "failure_penalty": 10.0,
+        "failure_penalty": 20.0,
     },
 }
 _VALIDATION: dict[str, dict[str, Any]] = {
