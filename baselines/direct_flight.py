@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from aquaquad_envs.compilation import loop_kernel
-from aquaquad_envs.errors import InvalidParameterError
 from aquaquad_envs.physics.obstacles import clearance_at
+from baselines.problem import require_continuous_actions
 
 #: m; landings keep this clearance, so that rounding of an action never touches an obstacle.
 _CLEARANCE_M = 1.0
@@ -35,13 +35,7 @@ class DirectFlight:
     information = "all obstacles, its own position and the goal; no current"
 
     def __init__(self, batch: Any) -> None:
-        if batch.action_spec.table is not None:
-            raise InvalidParameterError(
-                "action_type",
-                "discrete",
-                "continuous actions",
-                "Make the batch with action_type='continuous'.",
-            )
+        require_continuous_actions(batch)
         self.batch = batch
         self._landings: list[list[np.ndarray]] = [[] for _ in range(batch.num_worlds)]
         self._known: dict[tuple[int, bytes, bytes], list[np.ndarray]] = {}

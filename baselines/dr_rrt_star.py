@@ -25,7 +25,7 @@ from baselines.dr_rrt_star_improve import (
 )
 from baselines.forecast_check import ForecastCheck
 from baselines.plan import LEG, NEEDS_PLAN, FollowSettings, Plan, PlanFollower
-from baselines.problem import DriftHopProblem
+from baselines.problem import DriftHopProblem, require_continuous_actions
 
 #: Prices that break ties between plans of like energy: Wh per hour adrift and Wh per flight.
 DRIFT_PRICE_WH_PER_H = 0.02
@@ -242,13 +242,7 @@ class DrRrtStar:
         check_choice("variant", variant, VARIANTS)
         check_range("watch_radius_m", watch_radius_m, 0, 1e6, open_low=True)
         check_range("deviation_m", deviation_m, 0, 1e6, open_low=True)
-        if batch.action_spec.table is not None:
-            raise InvalidParameterError(
-                "action_type",
-                "discrete",
-                "continuous actions",
-                "Make the batch with action_type='continuous'.",
-            )
+        require_continuous_actions(batch)
         params = batch.params
         self.batch, self.variant, self.margin_m = batch, variant, margin_m
         self.iterations = iterations or (ITERATIONS if variant == "product" else 25_000)

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from aquaquad_envs.errors import InvalidParameterError, check_choice
+from aquaquad_envs.errors import check_choice
 from baselines import lookahead
-from baselines.problem import DriftHopProblem
+from baselines.problem import DriftHopProblem, require_continuous_actions
 from baselines.value_function import Chart, Tables
 from baselines.value_solver import DriftTables, ValueFunction, solve, solve_timed, solve_with
 
@@ -84,13 +84,7 @@ class Optimal:
 
     def __init__(self, batch: Any, *, spacing_m: float | None = None, field: str = "forecast") -> None:
         check_choice("field", field, ("forecast", "truth"))
-        if batch.action_spec.table is not None:
-            raise InvalidParameterError(
-                "action_type",
-                "discrete",
-                "continuous actions",
-                "Make the batch with action_type='continuous'.",
-            )
+        require_continuous_actions(batch)
         if field == "truth":
             self.information = self.information.replace("the forecast of", "the true", 1)
         self.batch = batch

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from aquaquad_envs.errors import PlanningError
+from aquaquad_envs.errors import InvalidParameterError, PlanningError
 from aquaquad_envs.physics.currents import CurrentAxes, CurrentField
 from aquaquad_envs.physics.grids import Grid
 from aquaquad_envs.physics.obstacles import ObstacleMap, clearance_at
@@ -114,3 +114,11 @@ class DriftHopProblem:
     def direct_energy_wh(self) -> float:
         """Energy, Wh, of the straight flight from start to goal."""
         return self.flight_energy_wh(float(np.hypot(*np.subtract(self.goal, self.start))))
+
+
+def require_continuous_actions(batch: Any) -> None:
+    """Raise ``InvalidParameterError`` if ``batch`` takes discrete actions: planners fly any hop vector."""
+    if batch.action_spec.table is not None:
+        raise InvalidParameterError(
+            "action_type", "discrete", "continuous actions", "Make the batch with action_type='continuous'."
+        )
