@@ -12,9 +12,11 @@ from collections.abc import Callable
 import numpy as np
 import torch
 
+from agents.frames import Frame
 from agents.recipes import FIRST_TRAINING_SEED, Recipe
 from aquaquad_envs.physics.obstacles import clearance_at
 from aquaquad_envs.tasks.batch import WorldBatch, make_world_batch
+from aquaquad_envs.tasks.task import load_task
 from baselines import Policy, make_policy
 
 _MINIBATCH = 256
@@ -37,6 +39,7 @@ def imitate(
     seen: list[np.ndarray] = []
     labels: list[np.ndarray] = []
     params = {**recipe.params, "start_anywhere": 0.0}
+    frame = Frame(recipe.frame, load_task(recipe.task).observation_names)
     for number in range(recipe.imitation_rounds):
         batch = make_world_batch(recipe.task, recipe.imitation_worlds, **params)
         first = FIRST_TRAINING_SEED + (seed * 1000 + number) * recipe.imitation_worlds
@@ -52,7 +55,7 @@ def imitate(
                 _scatter(batch, rng)
             # Early rounds mostly follow the expert, later ones mostly the learner.
             trust = 0.7**number if number or mission else 1.0
-            observations, wanted = _roll(batch, expert, actor, trust, rng)
+            observations, wanted = _roll(batch, expert, actor, frame, trust, rng)
             seen.append(observations)
             labels.append(wanted)
         loss = _fit(actor, optimiser, np.concatenate(seen), np.concatenate(labels), recipe, order)
@@ -75,7 +78,12 @@ def _scatter(batch: WorldBatch, rng: np.random.Generator) -> None:
 
 
 def _roll(
-    batch: WorldBatch, expert: Policy, actor: torch.nn.Module, trust: float, rng: np.random.Generator
+    batch: WorldBatch,
+    expert: Policy,
+    actor: torch.nn.Module,
+    frame: Frame,
+    trust: float,
+    rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray]:
     """One mission of every world: observations met and what the expert would have done there."""
     seen, labels = [], []
@@ -86,12 +94,13 @@ def _roll(
         if not running.any():
             break
         wanted = expert.act(batch.observations, batch.worlds)
-        seen.append(batch.observations[running].copy())
-        labels.append(wanted[running].copy())
+        observed = frame.observe(batch.observations)
+        seen.append(observed[running].copy())
+        labels.append(frame.see_actions(wanted, batch.observations)[running])
         with torch.no_grad():
-            own = actor(torch.from_numpy(batch.observations)).numpy()
+            own = np.clip(actor(torch.from_numpy(observed)).numpy(), -1.0, 1.0)
         follow = rng.random(batch.num_worlds) < trust
-        batch.step(np.where(follow[:, None], wanted, np.clip(own, -1.0, 1.0)))
+        batch.step(np.where(follow[:, None], wanted, frame.act(own, batch.observations)))
     return np.concatenate(seen), np.concatenate(labels)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from agents import checkpoints
+from agents.frames import Frame
 from aquaquad_envs.errors import CheckpointError
 from aquaquad_envs.tasks.batch import WorldBatch
 
@@ -40,13 +41,15 @@ class LearnedPolicy:
             raise CheckpointError(f"{folder}: the network maps {sizes}, the task needs other sizes.")
         self._activation = {"tanh": np.tanh, "relu": lambda x: np.maximum(x, 0.0)}[self.card["activation"]]
         self._squash = self.card["squash"]
+        self._frame = Frame(self.card["frame"], batch.task.observation_names)
 
     def reset(self, seeds: np.ndarray) -> None:
         """Nothing to reset: the policy has no memory."""
 
     def act(self, observations: np.ndarray, worlds: np.ndarray) -> np.ndarray:
         """Actions (num_worlds, size) float32 in [-1, 1] for ``observations`` (num_worlds, n)."""
-        return forward(self._layers, self._activation, self._squash, observations)
+        seen = self._frame.observe(observations)
+        return self._frame.act(forward(self._layers, self._activation, self._squash, seen), observations)
 
 
 def forward(

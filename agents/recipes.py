@@ -27,6 +27,8 @@ class Recipe:
     algorithm: str
     num_worlds: int
     hidden: tuple[int, ...] = (128, 128)
+    #: frame of the policy's vectors, one of ``agents.frames.FRAMES``
+    frame: str = "world"
     params: dict[str, Any] = field(default_factory=dict)
     validation: dict[str, Any] = field(default_factory=dict)
     algorithm_settings: dict[str, Any] = field(default_factory=dict)
@@ -80,7 +82,7 @@ _WORLD: dict[str, dict[str, Any]] = {
     "gyres": {
         "scenario": "gyres",
         "field_seed": 1,
-        "num_fields": 512,
+        "num_fields": 1024,
         "start_anywhere": 0.5,
         "failure_penalty": 20.0,
     },
@@ -109,11 +111,12 @@ def drift_hop_recipe(scenario: str, algorithm: str) -> Recipe:
         initial_log_std=(-3.5 if scenario == "vortex" else -3.0) if ppo else -1.0,
         imitation_rounds=10 if ppo else 0,
         # The optimum of one vortex can be imitated; that of every random field depends on more than is
-        # observed, and its imitation misses the goal: there the simpler expert is the better start.
-        expert="optimal" if scenario == "vortex" else "direct-flight",
-        imitation_worlds=24 if scenario == "vortex" else 1024,
-        imitation_missions=16 if scenario == "vortex" else 4,
-        imitation_epochs=20 if scenario == "vortex" else 4,
+        # observed, and its imitation misses the goal: there an expert that looks less far is the better start.
+        expert="optimal" if scenario == "vortex" else "greedy",
+        frame="world" if scenario == "vortex" else "goal",
+        imitation_worlds=24 if scenario == "vortex" else 512,
+        imitation_missions=16 if scenario == "vortex" else 3,
+        imitation_epochs=20 if scenario == "vortex" else 6,
         imitation_margin_m=150.0 if scenario == "vortex" else 100.0,
         value_warmup_frames=500_000 if ppo else 0,
     )

@@ -16,6 +16,8 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 
 from agents import checkpoints
+from agents.framed_vec_env import FramedVecEnv
+from agents.frames import Frame
 from agents.imitation import imitate
 from agents.learned import LearnedPolicy
 from agents.recipes import FIRST_TRAINING_SEED, VALIDATION_SEED, Recipe, check_steps
@@ -30,7 +32,8 @@ ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC}
 
 def build(recipe: Recipe, *, seed: int, threads: int, log_folder: Path | None) -> BaseAlgorithm:
     """The untrained Stable-Baselines3 model of ``recipe`` over a native batch of worlds."""
-    env = sb3_vec_env(recipe.task, recipe.num_worlds, threads=threads, **recipe.params)
+    worlds = sb3_vec_env(recipe.task, recipe.num_worlds, threads=threads, **recipe.params)
+    env = FramedVecEnv(worlds, Frame(recipe.frame, worlds.batch.task.observation_names))
     settings = dict(recipe.algorithm_settings)
     policy: dict[str, Any] = {"net_arch": list(recipe.hidden)}
     if recipe.algorithm == "ppo":
@@ -219,7 +222,7 @@ class _Follower(BaseCallback):
                 "algorithm": self.recipe.algorithm, "command": self.command, "seed": self.seed,
                 "steps": self.progress["frames"], "training_s": round(wall_s, 1),
                 "hidden": list(self.recipe.hidden), "activation": "tanh" if self.recipe.algorithm == "ppo" else "relu",
-                "squash": self.recipe.algorithm == "sac",
+                "squash": self.recipe.algorithm == "sac", "frame": self.recipe.frame,
                 "observation_names": list(batch.task.observation_names),
                 "params": {k: v for k, v in dataclasses.asdict(batch.params).items() if v is not None},
                 "recipe": dataclasses.asdict(self.recipe), "results": results,

@@ -34,6 +34,7 @@ POLICIES: dict[str, dict[str, str]] = {
         "random": "baselines.simple:Random",
         "drift": "baselines.simple:Drift",
         "direct-flight": "baselines.direct_flight:DirectFlight",
+        "greedy": "baselines.greedy:Greedy",
         "dr-rrt-star": "baselines.dr_rrt_star:DrRrtStar",
         "optimal": "baselines.optimal:Optimal",
     },

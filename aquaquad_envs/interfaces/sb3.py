@@ -54,20 +54,20 @@ class WorldVecEnv(VecEnv):
         rewards = batch.rewards.astype(np.float32)
         finished = np.flatnonzero(done)
         if finished.size:
-            metrics = batch.metrics()
+            metrics = batch.metrics(done)
             elapsed = round(time.time() - self._began, 6)
-            for i in finished:
+            for k, i in enumerate(finished):
                 infos[i] = {
                     "terminal_observation": batch.observations[i].copy(),
                     "TimeLimit.truncated": bool(batch.truncated[i] and not batch.terminated[i]),
                     "episode": {"r": float(self._returns[i]), "l": int(self._lengths[i]), "t": elapsed},
                     "outcome": batch.task.outcomes[batch.worlds["outcome"][i]],
-                    "metrics": {name: float(values[i]) for name, values in metrics.items()},
+                    "metrics": {name: float(values[k]) for name, values in metrics.items()},
                 }
             self._returns[finished] = 0.0
             self._lengths[finished] = 0
             batch.reset(mask=done)
-        return batch.observations.copy(), rewards, done, infos
+        return batch.take_observations(), rewards, done, infos
 
     def close(self) -> None:
         """Nothing to release."""

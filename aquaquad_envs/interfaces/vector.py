@@ -77,7 +77,7 @@ class WorldVectorEnv(VectorEnv):
                 "step", f"{int(self._finished.sum())} finished worlds", "none when autoreset is disabled",
                 'Call reset(options={"reset_mask": terminated | truncated}) first.',
             )  # fmt: skip
-        restarting = self._finished.copy() if self._mode == AutoresetMode.NEXT_STEP else None
+        restarting = self._finished if self._mode == AutoresetMode.NEXT_STEP else None
         batch.step(actions)
         terminated, truncated = batch.terminated.copy(), batch.truncated.copy()
         rewards = batch.rewards.copy()
@@ -99,13 +99,17 @@ class WorldVectorEnv(VectorEnv):
                 info["final_info"], info["_final_info"] = final, finished.copy()
                 batch.reset(mask=finished)
         else:
-            self._finished = finished.copy()
-        return batch.observations.copy(), rewards, terminated, truncated, info
+            self._finished = finished
+        # With autoreset every row is written anew by each step, so that the array can be given away.
+        keep = self._mode == AutoresetMode.DISABLED
+        observations = batch.observations.copy() if keep else batch.take_observations()
+        return observations, rewards, terminated, truncated, info
 
     def _info(self, finished: np.ndarray, stepped: np.ndarray) -> dict[str, Any]:
         batch = self.batch
+        # A world that only restarted has terms of 0.
+        terms = batch.reward_terms.copy()
         info: dict[str, Any] = {"outcome": batch.worlds["outcome"].copy(), "_outcome": stepped}
-        terms = np.where(stepped[:, None], batch.reward_terms, 0.0)
         info["reward_terms"] = {}
         for i, name in enumerate(batch.task.reward_terms):
             info["reward_terms"][name] = terms[:, i]
@@ -113,8 +117,9 @@ class WorldVectorEnv(VectorEnv):
         info["_reward_terms"] = stepped
         if finished.any():
             info["metrics"] = {}
-            for name, values in batch.metrics().items():
-                info["metrics"][name] = np.where(finished, values, 0.0)
+            for name, values in batch.metrics(finished).items():
+                info["metrics"][name] = np.zeros(self.num_envs)
+                info["metrics"][name][finished] = values
                 info["metrics"][f"_{name}"] = finished.copy()
             info["_metrics"] = finished.copy()
         return info
@@ -123,6 +128,11 @@ class WorldVectorEnv(VectorEnv):
         check_options(options)
         if not options or "reset_mask" not in options:
             return None
+        if self._mode != AutoresetMode.DISABLED:
+            raise InvalidParameterError(
+                "options['reset_mask']", "a mask", f"none with autoreset mode {self._mode.value}",
+                'Finished worlds reset themselves; make the env with autoreset_mode="Disabled" to choose.',
+            )  # fmt: skip
         mask = np.asarray(options["reset_mask"])
         if mask.dtype != bool or mask.shape != (self.num_envs,) or not mask.any():
             raise InvalidParameterError(

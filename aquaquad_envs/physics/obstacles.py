@@ -142,6 +142,6 @@ def nearest_direction(distance, k, grid, x, y):
     gx = bilinear(distance, k, grid, x - h, y) - bilinear(distance, k, grid, x + h, y)
     gy = bilinear(distance, k, grid, x, y - h) - bilinear(distance, k, grid, x, y + h)
     norm = np.sqrt(gx * gx + gy * gy)
-    if norm < 1e-9:
-        return 0.0, 0.0
-    return gx / norm, gy / norm
+    # A weight, not a branch: lanes stay SIMD.
+    scale = 1.0 / norm if norm >= 1e-9 else 0.0
+    return gx * scale, gy * scale

@@ -15,6 +15,18 @@ from aquaquad_envs.physics.currents import current_at
 
 
 @kernel
+def current_after(velocity, k, axes, t, x, y, h, u, v):
+    """Current (u, v), m/s, that is met after moving for ``h`` s at (u, v) from (x, y) at time ``t``."""
+    return current_at(velocity, k, axes, t + h, x + h * u, y + h * v)
+
+
+@kernel
+def runge_kutta(x, dt, k1, k2, k3, k4):
+    """``x`` advanced by ``dt`` s from its four rates (classical Runge–Kutta)."""
+    return x + dt / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
+
+
+@kernel
 def drift_step(velocity, k, axes, t, x, y, dt, euler):
     """Position (x, y), m, after drifting for ``dt`` s from (x, y) at time ``t``.
 
@@ -25,12 +37,10 @@ def drift_step(velocity, k, axes, t, x, y, dt, euler):
     u1, v1 = current_at(velocity, k, axes, t, x, y)
     if euler:
         return x + dt * u1, y + dt * v1
-    half = 0.5 * dt
-    u2, v2 = current_at(velocity, k, axes, t + half, x + half * u1, y + half * v1)
-    u3, v3 = current_at(velocity, k, axes, t + half, x + half * u2, y + half * v2)
-    u4, v4 = current_at(velocity, k, axes, t + dt, x + dt * u3, y + dt * v3)
-    sixth = dt / 6.0
-    return x + sixth * (u1 + 2.0 * (u2 + u3) + u4), y + sixth * (v1 + 2.0 * (v2 + v3) + v4)
+    u2, v2 = current_after(velocity, k, axes, t, x, y, 0.5 * dt, u1, v1)
+    u3, v3 = current_after(velocity, k, axes, t, x, y, 0.5 * dt, u2, v2)
+    u4, v4 = current_after(velocity, k, axes, t, x, y, dt, u3, v3)
+    return runge_kutta(x, dt, u1, u2, u3, u4), runge_kutta(y, dt, v1, v2, v3, v4)
 
 
 @kernel

@@ -17,6 +17,8 @@ from aquaquad_envs.tasks.task import Task, load_task
 
 #: Greatest action component that kernels may square.
 _SQUARABLE = 1e100
+#: Worlds that must begin anew at once before threads pay.
+_WORTH_A_THREAD = 512
 
 Seeds = int | Sequence[int | None] | np.ndarray | None
 
@@ -69,7 +71,9 @@ class WorldBatch:
             for source, name in enumerate(SOURCES):
                 self.worlds[f"rng_{name}"][i] = streams[source]
             self._seeded[i] = True
-        self._run(self.task.reset, self.worlds, mask, self.observations)
+        # A few worlds are sooner reset than shared among threads.
+        threads = self.threads if mask.sum() >= _WORTH_A_THREAD else 1
+        self._run(self.task.reset, self.worlds, mask, self.observations, threads=threads)
         self.terminated[mask] = False
         self.truncated[mask] = False
         return self.observations
@@ -85,12 +89,23 @@ class WorldBatch:
             raise InvalidActionError("step: worlds that were never reset; expected reset() before step().")
         self._run(
             self.task.step, self.worlds, self._checked_actions(actions), self.observations, self.rewards,
-            self.reward_terms, self.terminated, self.truncated,
+            self.reward_terms, self.terminated, self.truncated, threads=self.threads,
         )  # fmt: skip
 
-    def metrics(self) -> dict[str, np.ndarray]:
-        """The task's metrics of the episodes so far, each (num_worlds,)."""
-        return self.task.metrics(self.worlds, self.params)
+    def metrics(self, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
+        """The task's metrics of the episodes so far: (num_worlds,), or of the worlds where ``mask`` is true."""
+        worlds = self.worlds if mask is None else self.worlds[self._checked_mask(mask)]
+        return self.task.metrics(worlds, self.params)
+
+    def take_observations(self) -> np.ndarray:
+        """Hand ``observations`` over without a copy; later steps write to another array.
+
+        For callers that reset every finished world before they read observations again: rows that
+        neither a step nor a reset writes are undefined from now on.
+        """
+        taken = self.observations
+        self.observations = np.empty_like(taken)
+        return taken
 
     def snapshot(self) -> np.ndarray:
         """A copy of all worlds, random streams included."""
@@ -116,21 +131,19 @@ class WorldBatch:
         self.__dict__.update(state)
         self.ocean, self.constants, self.notes = self.task.build(self.params)
 
-    def _run(self, loop: Callable[..., None], *arrays: np.ndarray) -> None:
+    def _run(self, loop: Callable[..., None], *arrays: np.ndarray, threads: int) -> None:
         """Run ``loop`` over all worlds: in one go, or a slice of the worlds in each thread.
 
         Kernels hold no GIL, and plain threads share nothing but the processor: unlike an OpenMP
         team they do not spin, survive a fork, and run the very machine code of the serial loop.
         """
-        if self.threads == 1:
+        if threads == 1:
             loop(*arrays, self.ocean, self.constants)
             return
-        edges = np.linspace(0, self.num_worlds, self.threads + 1).astype(int)
+        edges = np.linspace(0, self.num_worlds, threads + 1).astype(int)
         slices = [slice(first, last) for first, last in itertools.pairwise(edges)]
         others = [
-            _pool(self.threads - 1).submit(
-                loop, *(array[part] for array in arrays), self.ocean, self.constants
-            )
+            _pool(threads - 1).submit(loop, *(array[part] for array in arrays), self.ocean, self.constants)
             for part in slices[1:]
         ]
         loop(*(array[slices[0]] for array in arrays), self.ocean, self.constants)
@@ -149,6 +162,8 @@ class WorldBatch:
         chosen = np.flatnonzero(mask)
         if seeds is None:
             new = chosen[~self._seeded[chosen]]
+            if not len(new):
+                return []
             return list(zip(new, np.random.SeedSequence().spawn(len(new)), strict=True))
         if isinstance(seeds, int | np.integer) and not isinstance(seeds, bool):
             seeds = [int(seeds) + i for i in range(self.num_worlds)]

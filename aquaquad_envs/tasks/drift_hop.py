@@ -17,6 +17,7 @@ from aquaquad_envs.physics.grids import Grid
 from aquaquad_envs.physics.randomness import WORDS
 from aquaquad_envs.physics.vehicle import flight_energy_wh
 from aquaquad_envs.tasks import drift_hop_kernels as kernels
+from aquaquad_envs.tasks.drift_hop_observation import OBSERVATION_NAMES
 from aquaquad_envs.tasks.scenarios import (
     SCENARIOS,
     VORTEX_TEAM,
@@ -291,7 +292,7 @@ TASK = Task(
     name="drift-hop",
     params=Params,
     world=WORLD,
-    observation_names=kernels.OBSERVATION_NAMES,
+    observation_names=OBSERVATION_NAMES,
     reward_terms=kernels.REWARD_TERMS,
     outcomes=kernels.OUTCOMES,
     build=build,

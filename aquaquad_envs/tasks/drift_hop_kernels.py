@@ -1,8 +1,8 @@
-"""Compiled drift/hop worlds: reset, step and observe, over blocks of worlds.
+"""Compiled drift/hop worlds: reset and step, over lanes of worlds.
 
-Worlds are advanced in blocks. A drift, the costly part, runs over the lanes of a block at once
-(SIMD); hops, rewards and observations run world by world. Every lane is computed as if it
-were alone, so results do not depend on the block, the batch or the threads.
+Drifts and observations, the costly parts, run over the lanes of many worlds at once (SIMD); hops and
+rewards run world by world. Every lane is computed as if it were alone, so results do not depend on which
+worlds share the lanes, on the batch or on the threads.
 """
 
 from __future__ import annotations
@@ -12,18 +12,20 @@ from typing import NamedTuple
 import numpy as np
 
 from aquaquad_envs.compilation import kernel, lane_kernel, loop_kernel
-from aquaquad_envs.estimation.hdop import bearing_hdop
-from aquaquad_envs.physics.currents import CurrentAxes, current_at
+from aquaquad_envs.physics.currents import CurrentAxes
 from aquaquad_envs.physics.energy import balance, charge_between
 from aquaquad_envs.physics.grids import Grid
-from aquaquad_envs.physics.obstacles import clearance_at, nearest_direction
-from aquaquad_envs.physics.randomness import normal, uniform, uniform_in_disc
-from aquaquad_envs.physics.vehicle import drift_step, flight_energy_wh, flight_time, inside_box
+from aquaquad_envs.physics.obstacles import clearance_at
+from aquaquad_envs.physics.randomness import uniform, uniform_in_disc
+from aquaquad_envs.physics.vehicle import (
+    current_after,
+    flight_energy_wh,
+    flight_time,
+    inside_box,
+    runge_kutta,
+)
+from aquaquad_envs.tasks.drift_hop_observation import FLOAT_ROWS, INT_ROWS, hdop_of, observe_members
 
-#: Greatest HDOP that the published cost assumes, m/rad; stands for singular geometry.
-MAX_HDOP = 9000.0
-#: Speed that scales current observations, m/s.
-CURRENT_SCALE = 2.0
 #: Energy unit of the reward, Wh.
 REWARD_UNIT_WH = 10.0
 
@@ -31,19 +33,6 @@ OUTCOMES = ("running", "goal", "collision", "left box", "battery empty", "time o
 RUNNING, GOAL, COLLISION, LEFT_BOX, BATTERY_EMPTY, TIME_OUT = range(6)
 
 REWARD_TERMS = ("flight", "progress", "arrival", "failure")
-#: Hours ahead at which the forecast drift is observed, and its integration step.
-AHEAD_H = (1, 2, 4)
-AHEAD_STEP_S = 1200.0
-_HEADINGS = np.stack([np.cos(np.arange(8) * np.pi / 4), np.sin(np.arange(8) * np.pi / 4)], -1)
-
-OBSERVATION_NAMES = (
-    "x", "y", "goal dx", "goal dy", "goal distance", "goal direction x", "goal direction y",
-    "battery", "sin local time", "cos local time", "time left", "current u", "current v",
-    "obstacle distance", "obstacle direction x", "obstacle direction y", "HDOP",
-    "forecast u", "forecast v",
-    *(f"drift {axis} in {hours} h" for hours in AHEAD_H for axis in ("dx", "dy")),
-    *(f"{what} {45 * i}°" for i in range(8) for what in ("forecast u", "forecast v", "obstacle distance")),
-)  # fmt: skip
 
 
 class Ocean(NamedTuple):
@@ -151,39 +140,45 @@ def _judge(x, y, goal_x, goal_y, obstacle, ocean, c):
     return outcome if inside_box(x, y, c.half_width) else LEFT_BOX
 
 
-@kernel
-def hdop_of(w, ocean, c):
-    """Bearing HDOP, m/rad, of the vehicle and the team about the target; at most MAX_HDOP, 0 without a team."""
-    if ocean.team.shape[0] == 0:
-        return 0.0
-    return min(bearing_hdop(w.x, w.y, ocean.team, w.goal_x + c.target_dx, w.goal_y + c.target_dy), MAX_HDOP)
-
-
-# Rows of a block's scratch memory, one lane a world.
-_X, _Y, _NOW, _BATTERY, _SOLAR, _SPENT, _CLIPPED, _GOAL_X, _GOAL_Y, _AHEAD = range(10)
-_PATCH = _AHEAD + 2 * len(AHEAD_H)
-_FLOAT_ROWS = _PATCH + 3 * len(_HEADINGS)
-_TRUTH, _FORECAST, _OBSTACLE, _OUTCOME = range(4)
-_INT_ROWS = 4
-#: Worlds a block; scratch memory then stays in the first-level cache.
-BLOCK = 64
+#: Worlds that are advanced and observed at once; scratch memory then stays in the first-level cache.
+LANES = 64
+# Rows of the drift's scratch memory, one lane a world.
+_X, _Y, _NOW, _BATTERY, _SOLAR, _SPENT, _CLIPPED, _GOAL_X, _GOAL_Y, _NEW_X, _NEW_Y, _REST, _U, _V = range(14)
+# Four stages' currents: _U, _V, _U + 2, _V + 2, ...
+_DRIFT_ROWS = _U + 8
+_TRUTH, _OBSTACLE, _OUTCOME = range(3)
 
 
 @lane_kernel
-def _drift_lanes(
-    x, y, now, battery, solar, spent, clipped, goal_x, goal_y, truth, obstacle, outcome, ocean, c, dt
+def _current_lanes(x, y, now, truth, h, u, v, new_u, new_v, ocean):
+    """Current met after moving for ``h`` s at (u, v), in every lane: one stage of Runge and Kutta."""
+    for i in range(x.size):
+        new_u[i], new_v[i] = current_after(
+            ocean.velocity, truth[i], ocean.axes, now[i], x[i], y[i], h, u[i], v[i]
+        )
+
+
+@lane_kernel
+def _move_lanes(x, k1, k2, k3, k4, new_x, dt, euler):
+    """One coordinate after a step of ``dt`` s, in every lane."""
+    for i in range(x.size):
+        new_x[i] = x[i] + dt * k1[i] if euler else runge_kutta(x[i], dt, k1[i], k2[i], k3[i], k4[i])
+
+
+@lane_kernel
+def _settle_lanes(
+    x, y, new_x, new_y, now, battery, solar, spent, clipped, goal_x, goal_y, obstacle, outcome, ocean, c, dt
 ):
-    """One drift sub-step of ``dt`` s in every lane whose outcome is RUNNING."""
+    """Energy and outcome of a drift of ``dt`` s from (x, y) to the new place, in every lane that is RUNNING."""
     demanded = c.base_power * dt / 3600.0
     for i in range(x.size):
         run = outcome[i] == RUNNING
-        new_x, new_y = drift_step(ocean.velocity, truth[i], ocean.axes, now[i], x[i], y[i], dt, c.euler)
         charged = charge_between(ocean.collected_wh, ocean.solar_step, now[i], now[i] + dt)
         stored, used, lost, empty = balance(battery[i], c.capacity, charged, demanded)
-        judged = _judge(new_x, new_y, goal_x[i], goal_y[i], obstacle[i], ocean, c)
+        judged = _judge(new_x[i], new_y[i], goal_x[i], goal_y[i], obstacle[i], ocean, c)
         judged = BATTERY_EMPTY if empty and judged == RUNNING else judged
-        x[i] = new_x if run else x[i]
-        y[i] = new_y if run else y[i]
+        x[i] = new_x[i] if run else x[i]
+        y[i] = new_y[i] if run else y[i]
         now[i] = now[i] + dt if run else now[i]
         battery[i] = stored if run else battery[i]
         solar[i] = solar[i] + charged if run else solar[i]
@@ -192,20 +187,55 @@ def _drift_lanes(
         outcome[i] = judged if run else outcome[i]
 
 
-@lane_kernel
-def _forecast_lanes(x, y, now, forecast, ocean, dt):
-    """One Euler step of the forecast drift in every lane."""
-    for i in range(x.size):
-        x[i], y[i] = drift_step(ocean.velocity, forecast[i], ocean.axes, now[i], x[i], y[i], dt, True)
-        now[i] = now[i] + dt
-
-
-@lane_kernel
-def _patch_lanes(x, y, now, forecast, obstacle, u, v, clear, dx, dy, ocean):
-    """Forecast current and clearance at (x + dx, y + dy) in every lane."""
-    for i in range(x.size):
-        u[i], v[i] = current_at(ocean.velocity, forecast[i], ocean.axes, now[i], x[i] + dx, y[i] + dy)
-        clear[i] = clearance_at(ocean.clearance, obstacle[i], ocean.clearance_grid, x[i] + dx, y[i] + dy)
+@loop_kernel
+def _drift(worlds, members, rows, fields, ocean, c):
+    """Drift ``worlds[members]`` for one action period; as many as there are lanes at most."""
+    n = members.size
+    for i in range(n):
+        w = worlds[members[i]]
+        rows[_X, i] = w.x
+        rows[_Y, i] = w.y
+        rows[_NOW, i] = w.clock_s + w.time_s
+        rows[_BATTERY, i] = w.battery_wh
+        rows[_SOLAR, i] = 0.0
+        rows[_SPENT, i] = 0.0
+        rows[_CLIPPED, i] = 0.0
+        rows[_GOAL_X, i] = w.goal_x
+        rows[_GOAL_Y, i] = w.goal_y
+        fields[_TRUTH, i] = w.truth
+        fields[_OBSTACLE, i] = w.obstacle
+        fields[_OUTCOME, i] = RUNNING
+    x, y, now, truth = rows[_X, :n], rows[_Y, :n], rows[_NOW, :n], fields[_TRUTH, :n]
+    new_x, new_y, rest = rows[_NEW_X, :n], rows[_NEW_Y, :n], rows[_REST, :n]
+    u1, v1, u2, v2 = rows[_U, :n], rows[_V, :n], rows[_U + 2, :n], rows[_V + 2, :n]
+    u3, v3, u4, v4 = rows[_U + 4, :n], rows[_V + 4, :n], rows[_U + 6, :n], rows[_V + 6, :n]
+    rest[:] = 0.0
+    dt = c.action_period / c.sub_steps
+    for _ in range(c.sub_steps):
+        # As drift_step has it; a loop for every stage, since one over all four runs out of registers.
+        _current_lanes(x, y, now, truth, 0.0, rest, rest, u1, v1, ocean)
+        if not c.euler:
+            _current_lanes(x, y, now, truth, 0.5 * dt, u1, v1, u2, v2, ocean)
+            _current_lanes(x, y, now, truth, 0.5 * dt, u2, v2, u3, v3, ocean)
+            _current_lanes(x, y, now, truth, dt, u3, v3, u4, v4, ocean)
+        _move_lanes(x, u1, u2, u3, u4, new_x, dt, c.euler)
+        _move_lanes(y, v1, v2, v3, v4, new_y, dt, c.euler)
+        _settle_lanes(
+            x, y, new_x, new_y, now, rows[_BATTERY, :n], rows[_SOLAR, :n], rows[_SPENT, :n], rows[_CLIPPED, :n],
+            rows[_GOAL_X, :n], rows[_GOAL_Y, :n], fields[_OBSTACLE, :n], fields[_OUTCOME, :n], ocean, c, dt,
+        )  # fmt: skip
+    for i in range(n):
+        w = worlds[members[i]]
+        duration = rows[_NOW, i] - (w.clock_s + w.time_s)
+        w.x = rows[_X, i]
+        w.y = rows[_Y, i]
+        w.battery_wh = rows[_BATTERY, i]
+        w.solar_wh += rows[_SOLAR, i]
+        w.spent_wh += rows[_SPENT, i]
+        w.clipped_wh += rows[_CLIPPED, i]
+        w.time_s += duration
+        w.drift_s += duration
+        w.outcome = fields[_OUTCOME, i]
 
 
 @kernel
@@ -232,144 +262,20 @@ def _hop(w, action_x, action_y, norm, ocean, c):
 
 
 @loop_kernel
-def _drift_block(worlds, drifting, lanes, indices, ocean, c):
-    """Drift the worlds of a block whose ``drifting`` is true for one action period."""
-    n = worlds.size
-    for i in range(n):
-        w = worlds[i]
-        lanes[_X, i] = w.x
-        lanes[_Y, i] = w.y
-        lanes[_NOW, i] = w.clock_s + w.time_s
-        lanes[_BATTERY, i] = w.battery_wh
-        lanes[_SOLAR, i] = 0.0
-        lanes[_SPENT, i] = 0.0
-        lanes[_CLIPPED, i] = 0.0
-        lanes[_GOAL_X, i] = w.goal_x
-        lanes[_GOAL_Y, i] = w.goal_y
-        indices[_TRUTH, i] = w.truth
-        indices[_OBSTACLE, i] = w.obstacle
-        # A lane that does not drift is held by an outcome that is not RUNNING.
-        indices[_OUTCOME, i] = RUNNING if drifting[i] else TIME_OUT
-    dt = c.action_period / c.sub_steps
-    for _ in range(c.sub_steps):
-        _drift_lanes(
-            lanes[_X, :n], lanes[_Y, :n], lanes[_NOW, :n], lanes[_BATTERY, :n], lanes[_SOLAR, :n],
-            lanes[_SPENT, :n], lanes[_CLIPPED, :n], lanes[_GOAL_X, :n], lanes[_GOAL_Y, :n],
-            indices[_TRUTH, :n], indices[_OBSTACLE, :n], indices[_OUTCOME, :n], ocean, c, dt,
-        )  # fmt: skip
-    for i in range(n):
-        if drifting[i]:
-            w = worlds[i]
-            duration = lanes[_NOW, i] - (w.clock_s + w.time_s)
-            w.x = lanes[_X, i]
-            w.y = lanes[_Y, i]
-            w.battery_wh = lanes[_BATTERY, i]
-            w.solar_wh += lanes[_SOLAR, i]
-            w.spent_wh += lanes[_SPENT, i]
-            w.clipped_wh += lanes[_CLIPPED, i]
-            w.time_s += duration
-            w.drift_s += duration
-            w.outcome = indices[_OUTCOME, i]
-
-
-@loop_kernel
-def _observe_block(worlds, chosen, observations, lanes, indices, ocean, c):
-    """Write the observations of the worlds of a block whose ``chosen`` is true, all within [-1, 1]."""
-    n = worlds.size
-    for i in range(n):
-        lanes[_X, i] = worlds[i].x
-        lanes[_Y, i] = worlds[i].y
-        lanes[_NOW, i] = worlds[i].clock_s + worlds[i].time_s
-        indices[_FORECAST, i] = worlds[i].forecast
-        indices[_OBSTACLE, i] = worlds[i].obstacle
-    for k in range(len(_HEADINGS)):
-        row = _PATCH + 3 * k
-        _patch_lanes(
-            lanes[_X, :n], lanes[_Y, :n], lanes[_NOW, :n], indices[_FORECAST, :n], indices[_OBSTACLE, :n],
-            lanes[row, :n], lanes[row + 1, :n], lanes[row + 2, :n],
-            c.max_hop * _HEADINGS[k, 0], c.max_hop * _HEADINGS[k, 1], ocean,
-        )  # fmt: skip
-    hours = 0
-    for k in range(len(AHEAD_H)):
-        for _ in range(int((AHEAD_H[k] - hours) * 3600.0 / AHEAD_STEP_S)):
-            _forecast_lanes(
-                lanes[_X, :n], lanes[_Y, :n], lanes[_NOW, :n], indices[_FORECAST, :n], ocean, AHEAD_STEP_S
-            )
-        hours = AHEAD_H[k]
-        lanes[_AHEAD + 2 * k, :n] = lanes[_X, :n]
-        lanes[_AHEAD + 2 * k + 1, :n] = lanes[_Y, :n]
-    for i in range(n):
-        if chosen[i]:
-            _observe(worlds[i], lanes[:, i], observations[i], ocean, c)
-
-
-@kernel
-def _unit(value):
-    return min(max(value, -1.0), 1.0)
-
-
-@kernel
-def _observe(w, lane, out, ocean, c):
-    goal_x = w.goal_x - w.x
-    goal_y = w.goal_y - w.y
-    distance = np.sqrt(goal_x * goal_x + goal_y * goal_y)
-    now = w.clock_s + w.time_s
-    angle = 2.0 * np.pi * (now + c.clock_offset) / 86400.0
-    u, v = current_at(ocean.velocity, w.truth, ocean.axes, now, w.x, w.y)
-    forecast_u, forecast_v = current_at(ocean.velocity, w.forecast, ocean.axes, now, w.x, w.y)
-    if c.current_noise > 0.0:
-        u += c.current_noise * normal(w.rng_sensor)
-        v += c.current_noise * normal(w.rng_sensor)
-    near_x, near_y = nearest_direction(ocean.clearance, w.obstacle, ocean.clearance_grid, w.x, w.y)
-    clear = clearance_at(ocean.clearance, w.obstacle, ocean.clearance_grid, w.x, w.y)
-    out[0] = _unit(w.x / c.half_width)
-    out[1] = _unit(w.y / c.half_width)
-    out[2] = _unit(goal_x / (2.0 * c.half_width))
-    out[3] = _unit(goal_y / (2.0 * c.half_width))
-    out[4] = _unit(distance / (3.0 * c.half_width))
-    out[5] = _unit(goal_x / max(distance, 1e-9))
-    out[6] = _unit(goal_y / max(distance, 1e-9))
-    out[7] = _unit(w.battery_wh / c.capacity)
-    out[8] = _unit(np.sin(angle))
-    out[9] = _unit(np.cos(angle))
-    out[10] = _unit(1.0 - w.time_s / c.horizon)
-    out[11] = _unit(u / CURRENT_SCALE)
-    out[12] = _unit(v / CURRENT_SCALE)
-    out[13] = _unit(clear / c.half_width)
-    out[14] = _unit(near_x)
-    out[15] = _unit(near_y)
-    out[16] = _unit(hdop_of(w, ocean, c) / MAX_HDOP)
-    out[17] = _unit(forecast_u / CURRENT_SCALE)
-    out[18] = _unit(forecast_v / CURRENT_SCALE)
-    i = 19
-    for k in range(len(AHEAD_H)):
-        out[i] = _unit((lane[_AHEAD + 2 * k] - w.x) / c.half_width)
-        out[i + 1] = _unit((lane[_AHEAD + 2 * k + 1] - w.y) / c.half_width)
-        i += 2
-    for k in range(len(_HEADINGS)):
-        row = _PATCH + 3 * k
-        out[i] = _unit(lane[row] / CURRENT_SCALE)
-        out[i + 1] = _unit(lane[row + 1] / CURRENT_SCALE)
-        out[i + 2] = _unit(lane[row + 2] / c.half_width)
-        i += 3
-
-
-@loop_kernel
 def reset_batch(worlds, mask, observations, ocean, c):
     """Reset and observe the worlds whose ``mask`` is true."""
-    lanes = np.empty((_FLOAT_ROWS, BLOCK))
-    indices = np.empty((_INT_ROWS, BLOCK), dtype=np.int64)
-    for first in range(0, worlds.size, BLOCK):
-        last = min(first + BLOCK, worlds.size)
-        any_chosen = False
-        for i in range(first, last):
-            if mask[i]:
-                reset_world(worlds[i], ocean, c)
-                any_chosen = True
-        if any_chosen:
-            _observe_block(
-                worlds[first:last], mask[first:last], observations[first:last], lanes, indices, ocean, c
-            )
+    rows = np.empty((FLOAT_ROWS, LANES))
+    fields = np.empty((INT_ROWS, LANES), dtype=np.int64)
+    members = np.empty(LANES, dtype=np.int64)
+    n = 0
+    for i in range(worlds.size):
+        if mask[i]:
+            reset_world(worlds[i], ocean, c)
+            members[n] = i
+            n += 1
+        if n == LANES or (n > 0 and i == worlds.size - 1):
+            observe_members(worlds, members[:n], observations, rows, fields, ocean, c)
+            n = 0
 
 
 @loop_kernel
@@ -379,52 +285,59 @@ def step_batch(worlds, actions, observations, rewards, terms, terminated, trunca
     Writes observations, rewards and their terms (flight, progress, arrival, failure; SPEC and
     docs/drift_hop.md), terminated and truncated. A finished world stays as it is, at no reward.
     """
-    lanes = np.empty((_FLOAT_ROWS, BLOCK))
-    indices = np.empty((_INT_ROWS, BLOCK), dtype=np.int64)
-    before = np.empty((4, BLOCK))
-    drifting = np.empty(BLOCK, dtype=np.bool_)
-    running = np.empty(BLOCK, dtype=np.bool_)
-    for first in range(0, worlds.size, BLOCK):
-        last = min(first + BLOCK, worlds.size)
-        n = last - first
-        any_drift = False
-        for i in range(n):
-            w = worlds[first + i]
-            running[i] = w.outcome == RUNNING
-            drifting[i] = False
-            if running[i]:
-                before[0, i] = np.sqrt((w.goal_x - w.x) ** 2 + (w.goal_y - w.y) ** 2)
-                before[1, i] = hdop_of(w, ocean, c)
-                before[2, i] = w.time_s
-                before[3, i] = 0.0
-                action_x = actions[first + i, 0]
-                action_y = actions[first + i, 1]
+    rows = np.empty((max(FLOAT_ROWS, _DRIFT_ROWS), LANES))
+    fields = np.empty((INT_ROWS, LANES), dtype=np.int64)
+    before = np.empty((4, LANES))
+    members = np.empty(LANES, dtype=np.int64)
+    drifting = np.empty(LANES, dtype=np.int64)
+    first = 0
+    while first < worlds.size:
+        # The next running worlds, as many as there are lanes.
+        n = 0
+        drifts = 0
+        while first < worlds.size and n < LANES:
+            w = worlds[first]
+            if w.outcome == RUNNING:
+                before[0, n] = np.sqrt((w.goal_x - w.x) ** 2 + (w.goal_y - w.y) ** 2)
+                before[1, n] = hdop_of(w, ocean, c)
+                before[2, n] = w.time_s
+                before[3, n] = 0.0
+                action_x = actions[first, 0]
+                action_y = actions[first, 1]
                 norm = np.sqrt(action_x * action_x + action_y * action_y)
-                drifting[i] = norm < c.drift_threshold or norm == 0.0
-                any_drift |= drifting[i]
-                if not drifting[i]:
-                    before[3, i] = _hop(w, action_x, action_y, norm, ocean, c)
-        if any_drift:
-            _drift_block(worlds[first:last], drifting, lanes, indices, ocean, c)
+                if norm < c.drift_threshold or norm == 0.0:
+                    drifting[drifts] = first
+                    drifts += 1
+                else:
+                    before[3, n] = _hop(w, action_x, action_y, norm, ocean, c)
+                members[n] = first
+                n += 1
+            else:
+                terms[first, :] = 0.0
+                rewards[first] = 0.0
+                truncated[first] = w.outcome == TIME_OUT
+                terminated[first] = w.outcome != TIME_OUT
+            first += 1
+        if drifts > 0:
+            _drift(worlds, drifting[:drifts], rows, fields, ocean, c)
         for i in range(n):
-            w = worlds[first + i]
-            term = terms[first + i]
-            term[:] = 0.0
-            if running[i]:
-                w.hdop_s += before[1, i] * (w.time_s - before[2, i])
-                w.steps += 1
-                # A microsecond of grace: rounding of the clock must not add a decision.
-                if w.outcome == RUNNING and w.time_s >= c.horizon - 1e-6:
-                    w.outcome = TIME_OUT
-                after = np.sqrt((w.goal_x - w.x) ** 2 + (w.goal_y - w.y) ** 2)
-                gained = flight_energy_wh(before[0, i] - after, c.airspeed, c.flight_power)
-                term[0] = -before[3, i] / REWARD_UNIT_WH
-                term[1] = c.progress_weight * gained / REWARD_UNIT_WH
-                if w.outcome == GOAL:
-                    term[2] = c.arrival_bonus
-                elif w.outcome != RUNNING and w.outcome != TIME_OUT:
-                    term[3] = -c.failure_penalty
-            rewards[first + i] = term[0] + term[1] + term[2] + term[3]
-            truncated[first + i] = w.outcome == TIME_OUT
-            terminated[first + i] = w.outcome != RUNNING and w.outcome != TIME_OUT
-        _observe_block(worlds[first:last], running, observations[first:last], lanes, indices, ocean, c)
+            k = members[i]
+            w = worlds[k]
+            w.hdop_s += before[1, i] * (w.time_s - before[2, i])
+            w.steps += 1
+            # A microsecond of grace: rounding of the clock must not add a decision.
+            if w.outcome == RUNNING and w.time_s >= c.horizon - 1e-6:
+                w.outcome = TIME_OUT
+            after = np.sqrt((w.goal_x - w.x) ** 2 + (w.goal_y - w.y) ** 2)
+            gained = flight_energy_wh(before[0, i] - after, c.airspeed, c.flight_power)
+            term = terms[k]
+            term[0] = -before[3, i] / REWARD_UNIT_WH
+            term[1] = c.progress_weight * gained / REWARD_UNIT_WH
+            term[2] = c.arrival_bonus if w.outcome == GOAL else 0.0
+            failed = w.outcome != RUNNING and w.outcome != GOAL and w.outcome != TIME_OUT
+            term[3] = -c.failure_penalty if failed else 0.0
+            rewards[k] = term[0] + term[1] + term[2] + term[3]
+            truncated[k] = w.outcome == TIME_OUT
+            terminated[k] = w.outcome != RUNNING and w.outcome != TIME_OUT
+        if n > 0:
+            observe_members(worlds, members[:n], observations, rows, fields, ocean, c)

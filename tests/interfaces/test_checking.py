@@ -27,9 +27,13 @@ def test_accepts_ours(mode):
 
 
 class SharedMemory(WorldVectorEnv):
+    kept = None
+
     def step(self, actions):
-        _, *rest = super().step(actions)
-        return self.batch.observations, *rest
+        observations, *rest = super().step(actions)
+        self.kept = observations if self.kept is None else self.kept
+        self.kept[:] = observations
+        return self.kept, *rest
 
 
 class SharedInfo(WorldVectorEnv):

@@ -155,7 +155,9 @@ def test_a_sensor_draw_shifts_no_other_stream():
 
 def test_sensor_noise_has_the_stated_size():
     batch, quiet = make(20_000, current_noise_m_s=0.1), make(20_000)
-    error = 2.0 * (batch.reset(0)[:, 11:13] - quiet.reset(0)[:, 11:13]).astype(float)
+    first = batch.task.observation_names.index("current u")
+    difference = (batch.reset(0) - quiet.reset(0))[:, first : first + 2]
+    error = 2.0 * difference.astype(float)
     assert error.std() == pytest.approx(0.1, rel=0.02)
     assert abs(error.mean()) < 0.002 and abs(np.corrcoef(error.T)[0, 1]) < 0.02
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from aquaquad_envs.tasks import drift_hop
-from aquaquad_envs.tasks.drift_hop_kernels import OBSERVATION_NAMES, OUTCOMES, REWARD_TERMS
+from aquaquad_envs.tasks.drift_hop_kernels import OUTCOMES, REWARD_TERMS
+from aquaquad_envs.tasks.drift_hop_observation import OBSERVATION_NAMES
 from aquaquad_envs.tasks.scenarios import SCENARIOS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "drift_hop.md").read_text()

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import aquaquad_envs
-from aquaquad_envs.tasks.drift_hop_kernels import OBSERVATION_NAMES, OUTCOMES, REWARD_TERMS
+from aquaquad_envs.tasks.drift_hop_kernels import OUTCOMES, REWARD_TERMS
+from aquaquad_envs.tasks.drift_hop_observation import OBSERVATION_NAMES
 
 CASES = {
     "vortex": {"scenario": "vortex"},
@@ -190,10 +191,11 @@ class Reference:
         seen = {
             "x": w.x / half, "y": w.y / half, "goal dx": dx / half / 2, "goal dy": dy / half / 2,
             "goal distance": distance / half / 3, "goal direction x": dx / distance,
-            "goal direction y": dy / distance, "battery": w.battery_wh / p.battery_wh,
+            "goal direction y": dy / distance, "goal hop x": dx / max(distance, p.max_hop_m),
+            "goal hop y": dy / max(distance, p.max_hop_m), "battery": w.battery_wh / p.battery_wh,
             "sin local time": math.sin(angle), "cos local time": math.cos(angle),
             "time left": 1 - w.time_s / p.horizon_s, "current u": u / 2, "current v": v / 2,
-            "obstacle distance": self.clearance(w.obstacle, w.x, w.y) / half,
+            "obstacle distance": self.clearance(w.obstacle, w.x, w.y) / p.max_hop_m,
             "obstacle direction x": near[0], "obstacle direction y": near[1], "HDOP": self.hdop(w) / 9000,
             "forecast u": fu / 2, "forecast v": fv / 2,
         }  # fmt: skip
@@ -207,11 +209,15 @@ class Reference:
                 (y - w.y) / half,
             )
         for degrees in range(0, 360, 45):
-            px = w.x + p.max_hop_m * math.cos(math.radians(degrees))
-            py = w.y + p.max_hop_m * math.sin(math.radians(degrees))
-            a, b = self.current(w.forecast, now, px, py)
+            heading = math.atan2(dy, dx) + math.radians(degrees)
+            hop = p.max_hop_m * np.array([math.cos(heading), math.sin(heading)])
+            far, half_way = np.add((w.x, w.y), hop), np.add((w.x, w.y), hop / 2)
+            a, b = self.current(w.forecast, now, *far)
             seen[f"forecast u {degrees}°"], seen[f"forecast v {degrees}°"] = a / 2, b / 2
-            seen[f"obstacle distance {degrees}°"] = self.clearance(w.obstacle, px, py) / half
+            seen[f"obstacle distance {degrees}°"] = self.clearance(w.obstacle, *far) / p.max_hop_m
+            seen[f"obstacle distance half-way {degrees}°"] = (
+                self.clearance(w.obstacle, *half_way) / p.max_hop_m
+            )
         return {name: min(max(value, -1.0), 1.0) for name, value in seen.items()}
 
 

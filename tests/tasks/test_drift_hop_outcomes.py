@@ -31,6 +31,11 @@ def terms(batch):
     return dict(zip(REWARD_TERMS, batch.reward_terms[0], strict=True))
 
 
+def seen(batch, name):
+    """One observation of the first world."""
+    return float(batch.observations[0][batch.task.observation_names.index(name)])
+
+
 def hop_to(batch, x, y):
     w = batch.worlds[0]
     return (x - w["x"]) / batch.params.max_hop_m, (y - w["y"]) / batch.params.max_hop_m
@@ -149,7 +154,7 @@ def test_time_out_truncates_without_a_penalty():
     assert [step(batch, DRIFT) for _ in range(3)] == ["running", "running", "time out"]
     assert batch.truncated[0] and not batch.terminated[0]
     assert terms(batch) == {"flight": 0.0, "progress": 0.0, "arrival": 0.0, "failure": 0.0}
-    assert batch.observations[0][10] == 0.0
+    assert seen(batch, "time left") == 0.0
 
 
 @pytest.mark.parametrize(
@@ -228,11 +233,11 @@ def test_a_finished_world_stays_until_reset():
     batch = sea(0.5, 0.0, at=(2750.0, -3000.0), worlds=3)
     batch.worlds["x"][1] = -2000.0
     step(batch, DRIFT)
-    kept, seen = batch.worlds.copy(), batch.observations.copy()
+    kept, before = batch.worlds.copy(), batch.observations.copy()
     assert batch.terminated.tolist() == [True, False, True]
     step(batch, (1.0, 0.0))
     assert (batch.worlds[[0, 2]] == kept[[0, 2]]).all() and batch.worlds[1] != kept[1]
-    np.testing.assert_array_equal(batch.observations[[0, 2]], seen[[0, 2]])
+    np.testing.assert_array_equal(batch.observations[[0, 2]], before[[0, 2]])
     assert batch.rewards[[0, 2]].tolist() == [0.0, 0.0]
     assert batch.terminated.tolist() == [True, False, True]
     batch.reset(mask=batch.terminated.copy())
@@ -296,12 +301,12 @@ def test_the_sun_shines_through_the_longest_hop():
 def test_mean_hdop_is_weighted_by_time():
     batch = sea()
     assert np.isnan(sea(team=()).metrics()["mean_hdop"][0])
-    first = 9000 * float(batch.observations[0][16])
+    first = 9000 * seen(batch, "HDOP")
     step(batch, DRIFT)
     assert batch.metrics()["mean_hdop"][0] == pytest.approx(first, rel=1e-5)
-    second = 9000 * float(batch.observations[0][16])
+    second = 9000 * seen(batch, "HDOP")
     step(batch, (0.0, -1.0))
     expected = (first * 600 + second * 120) / 720
     assert batch.metrics()["mean_hdop"][0] == pytest.approx(expected, rel=1e-5)
     step(batch, DRIFT)
-    assert 9000 * float(batch.observations[0][16]) != pytest.approx(second, rel=1e-3)
+    assert 9000 * seen(batch, "HDOP") != pytest.approx(second, rel=1e-3)
