@@ -1,0 +1,1 @@
+"""What a vehicle measures: sound in the sea, bearings, ranges, differences of arrival."""
