@@ -1,7 +1,7 @@
 """What a drifting vehicle learns about its forecast: it compares its own track with the forecast drift.
 
 The error of the last drift, extrapolated, warns of an obstacle or edge ahead; the errors along
-the track correct the forecast for the next plan. With an exact forecast nothing happens.
+the track correct the forecast for the next plan (estimation/current_map.py). With an exact forecast nothing happens.
 """
 
 from __future__ import annotations
@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from aquaquad_envs.compilation import loop_kernel
+from aquaquad_envs.estimation.current_map import CurrentMap
 from aquaquad_envs.physics.obstacles import clearance_at
 from aquaquad_envs.physics.vehicle import drift_step, inside_box
 
 #: Errors below this are rounding, m/s.
 _EXACT_M_S = 1e-6
-#: Reach of an observed error, as a share of the box's half-width, and the weight of "no error" beside it.
-_REACH, _NO_ERROR = 0.25, 0.3
+#: How far an error is taken to reach: a share of the box's half-width, and s.
+_LENGTH, _TIME_S = 0.25, 24 * 3600.0
 
 
 class ForecastCheck:
@@ -25,7 +26,8 @@ class ForecastCheck:
 
     def __init__(self, batch: Any) -> None:
         self.batch = batch
-        self.errors: list[list[tuple[float, float, float, float]]] = [[] for _ in range(batch.num_worlds)]
+        self.maps = [self._new_map() for _ in range(batch.num_worlds)]
+        self._latest = np.zeros((batch.num_worlds, 2))
         # Where the forecast says each world will be at the next decision; NaN: not adrift.
         self._expected = np.full((batch.num_worlds, 2), np.nan)
         self._last = np.full((batch.num_worlds, 2), np.nan)
@@ -33,8 +35,9 @@ class ForecastCheck:
     def clear(self, worlds: np.ndarray) -> None:
         """Forget what ``worlds`` learned."""
         self._expected[worlds] = np.nan
+        self._latest[worlds] = 0.0
         for i in worlds:
-            self.errors[i] = []
+            self.maps[i] = self._new_map()
 
     def observe(self, worlds: np.ndarray) -> None:
         """Compare the positions with those expected at the last decision."""
@@ -43,15 +46,17 @@ class ForecastCheck:
         v = (worlds["y"] - self._expected[:, 1]) / period
         for i in np.flatnonzero((np.hypot(u, v) > _EXACT_M_S) & (worlds["outcome"] == 0)):
             x, y = 0.5 * (self._last[i] + (worlds["x"][i], worlds["y"][i]))
-            self.errors[i].append((float(x), float(y), float(u[i]), float(v[i])))
+            # The mean over the drift belongs to its middle.
+            middle = worlds["clock_s"][i] + worlds["time_s"][i] - 0.5 * period
+            self.maps[i].add(middle, x, y, [[u[i], v[i]]])
+            self._latest[i] = u[i], v[i]
 
     def dangers(self, worlds: np.ndarray, drifting: np.ndarray, margin_m: float) -> np.ndarray:
         """Drifting worlds (bool) that the corrected forecast takes out of bounds within a period."""
-        latest = np.array([errors[-1][2:] if errors else (0.0, 0.0) for errors in self.errors])
         danger = np.zeros(len(worlds), dtype=bool)
         params, ocean = self.batch.params, self.batch.ocean
         _look_ahead(
-            ocean.velocity, ocean.axes, ocean.clearance, ocean.clearance_grid, worlds, drifting, latest,
+            ocean.velocity, ocean.axes, ocean.clearance, ocean.clearance_grid, worlds, drifting, self._latest,
             float(params.action_period_s), int(params.sub_steps), params.integrator == "euler",
             float(params.half_width_m), float(margin_m), self._expected, danger,
         )  # fmt: skip
@@ -59,21 +64,20 @@ class ForecastCheck:
         return danger
 
     def corrected(self, world: int, field: int) -> np.ndarray | None:
-        """The forecast plus the weighted mean of the errors near each node, shape (1, frames, rows, columns, 2).
+        """The forecast corrected by the world's map of errors, shape (1, frames, rows, columns, 2).
 
         None where the forecast was never wrong.
         """
-        if not self.errors[world]:
+        if not len(self.maps[world]):
             return None
         ocean = self.batch.ocean
-        rows, columns = ocean.velocity.shape[2:4]
-        x = ocean.axes.x0 + ocean.axes.spacing * np.arange(columns)
-        y = ocean.axes.y0 + ocean.axes.spacing * np.arange(rows)
-        seen = np.array(self.errors[world])
-        square = (x[None, :, None] - seen[:, 0]) ** 2 + (y[:, None, None] - seen[:, 1]) ** 2
-        weight = np.exp(-0.5 * square / (_REACH * self.batch.params.half_width_m) ** 2)
-        mean = weight @ seen[:, 2:] / (weight.sum(-1) + _NO_ERROR)[..., None]
-        return (ocean.velocity[field] + mean)[None]
+        return self.maps[world].corrected(ocean.velocity[field], ocean.axes)[None]
+
+    def _new_map(self) -> CurrentMap:
+        return CurrentMap(
+            length_scale_m=_LENGTH * self.batch.params.half_width_m, time_scale_s=_TIME_S, error_std_m_s=0.2,
+            noise_std_m_s=0.1,
+        )  # fmt: skip
 
 
 @loop_kernel
