@@ -41,8 +41,8 @@ class Options:
     task: Annotated[str, arg(metavar="TASK")] = "drift-hop"
     """decision problem: drift-hop"""
     policies: Annotated[tuple[str, ...], arg(metavar="NAME,NAME...", help_behavior_hint="")] = ()
-    """random, drift, direct-flight, dr-rrt-star, optimal, ppo; also ppo=FOLDER for a checkpoint that you trained,
-    MODULE:CLASS for a policy that you wrote (default: all that ship)"""
+    """random, drift, direct-flight, greedy, dr-rrt-star, optimal, ppo; also ppo=FOLDER for a checkpoint that you
+    trained, MODULE:CLASS for a policy that you wrote (default: all that ship)"""
     suite: Annotated[tuple[str, ...], arg(metavar="NAME,NAME...", help_behavior_hint="")] = ()
     """vortex, vortex-perturbed, gyres, forecast-error, file (default: all; file only when --currents is given)"""
     episodes: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None

@@ -47,7 +47,7 @@ class Args:
     checkpoint_every: int | None = None
     """frames between checkpoints (default: the recipe's)"""
     imitation_rounds: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
-    """rounds of imitating the grid optimum first; 0 learns from reward alone (default: the recipe's)"""
+    """rounds of imitating the recipe's scripted expert first; 0 learns from reward alone (default: the recipe's)"""
 
 
 def main() -> int:

@@ -15,7 +15,8 @@ from evaluation.rollouts import make_batch
 
 #: Okabe and Ito's colours, which the colour-blind tell apart too.
 COLOURS = {
-    "random": "#7f7f7f", "drift": "#56b4e9", "direct-flight": "#e69f00", "dr-rrt-star": "#009e73",
+    "random": "#7f7f7f", "drift": "#56b4e9", "direct-flight": "#e69f00", "greedy": "#f0e442",
+    "dr-rrt-star": "#009e73",
     "optimal": "#0072b2", "ppo": "#d55e00",
 }  # fmt: skip
 _OTHER = "#cc79a7"

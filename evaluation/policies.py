@@ -17,6 +17,7 @@ ABOUT = {
     "random": "any action, uniformly",
     "drift": "never flies",
     "direct-flight": "the shortest flight to the goal that lands on open water",
+    "greedy": "the hop, or none, after which four hours of forecast drift bring it nearest to the goal",
     "dr-rrt-star": "a tree of drifts and hops, grown towards the goal, improved, followed, replanned on a miss",
     "optimal": "greedy look-ahead on the least-flight-energy value function, solved on a grid",
     "ppo": "a learned network",
