@@ -27,7 +27,7 @@ class ForecastCheck:
     def __init__(self, batch: Any) -> None:
         self.batch = batch
         self.maps = [self._new_map() for _ in range(batch.num_worlds)]
-        self._latest = np.zeros((batch.num_worlds, 2))
+        self.latest = np.zeros((batch.num_worlds, 2))
         # Where the forecast says each world will be at the next decision; NaN: not adrift.
         self._expected = np.full((batch.num_worlds, 2), np.nan)
         self._last = np.full((batch.num_worlds, 2), np.nan)
@@ -35,7 +35,7 @@ class ForecastCheck:
     def clear(self, worlds: np.ndarray) -> None:
         """Forget what ``worlds`` learned."""
         self._expected[worlds] = np.nan
-        self._latest[worlds] = 0.0
+        self.latest[worlds] = 0.0
         for i in worlds:
             self.maps[i] = self._new_map()
 
@@ -49,14 +49,14 @@ class ForecastCheck:
             # The mean over the drift belongs to its middle.
             middle = worlds["clock_s"][i] + worlds["time_s"][i] - 0.5 * period
             self.maps[i].add(middle, x, y, [[u[i], v[i]]])
-            self._latest[i] = u[i], v[i]
+            self.latest[i] = u[i], v[i]
 
     def dangers(self, worlds: np.ndarray, drifting: np.ndarray, margin_m: float) -> np.ndarray:
         """Drifting worlds (bool) that the corrected forecast takes out of bounds within a period."""
         danger = np.zeros(len(worlds), dtype=bool)
         params, ocean = self.batch.params, self.batch.ocean
         _look_ahead(
-            ocean.velocity, ocean.axes, ocean.clearance, ocean.clearance_grid, worlds, drifting, self._latest,
+            ocean.velocity, ocean.axes, ocean.clearance, ocean.clearance_grid, worlds, drifting, self.latest,
             float(params.action_period_s), int(params.sub_steps), params.integrator == "euler",
             float(params.half_width_m), float(margin_m), self._expected, danger,
         )  # fmt: skip

@@ -358,7 +358,8 @@ def adrift(error, steps=3):
 def test_forecast_check_measures_a_constant_error():
     error = (0.06, -0.03)
     batch, check, _ = adrift(error)
-    np.testing.assert_allclose([row[2:] for row in check.errors[0]], [error] * 3, atol=2e-3)
+    assert len(check.maps[0]) == 3
+    np.testing.assert_allclose(check.latest[0], error, atol=2e-3)
     corrected = check.corrected(0, 1)
     assert corrected.shape == (1, *batch.ocean.velocity.shape[1:])
     truth = batch.ocean.velocity[0]
@@ -380,7 +381,7 @@ def test_forecast_check_warns_of_the_edge_that_the_forecast_misses():
     batch, check, _ = adrift((0.0, 0.0), steps=1)
     batch.worlds["x"], batch.worlds["y"] = -4000.0, 4950.0  # the forecast goes south here, at 0.1 m/s
     assert not check.dangers(batch.worlds, np.array([True]), 0.0)[0]
-    check.errors[0].append((-4000.0, 4900.0, 0.0, 0.3))  # but was seen to be wrong
+    check.latest[0] = 0.0, 0.3  # but was seen to be wrong
     assert check.dangers(batch.worlds, np.array([True]), 0.0)[0]
     assert not check.dangers(batch.worlds, np.array([False]), 0.0)[0]
     batch.worlds["y"] = 4000.0
