@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from tyro.conf import arg
 
-from aquaquad_envs.errors import AquaQuadError
+from aquaquad_envs.errors import AquaQuadError, check_choice
 
 CRASHED, WRONG_INPUT, INTERRUPTED = 1, 2, 130
 
@@ -34,7 +34,7 @@ class Options:
       python evaluate.py --suite file --currents ocean.nc --currents-center 36.6 -122.2
       python evaluate.py published --runs 1000
 
-    `python evaluate.py published` reproduces the published table of DR-RRT* beside ours
+    `python evaluate.py published` reproduces the published tables beside ours
     (`python evaluate.py published --help`).
     """
 
@@ -61,16 +61,21 @@ class Options:
 
 @dataclass(frozen=True, kw_only=True)
 class PublishedOptions:
-    """Reproduce the published table of DR-RRT* (Dillard 2014, App. C): both variants, energy and time.
+    """Reproduce the published tables beside ours: DR-RRT* (Dillard 2014, App. C), trackers, HDOP, placement.
 
-    Prints the published figures beside ours and writes published.json and published.html.
+    Prints the published numbers beside ours and writes published.json, published.html and its figures.
 
-    Example:
+    Examples:
       python evaluate.py published --runs 1000
+      python evaluate.py published --task sensor-placement
     """
 
+    task: Annotated[str, arg(metavar="TASK")] = "all"
+    """drift-hop (DR-RRT*), sensor-placement (EKF and UKF, laboratory test, HDOP maps, placement), or all"""
     runs: Annotated[int, arg(metavar="N")] = 1000
-    """independent runs of each variant (published: 1000)"""
+    """independent runs of each variant of DR-RRT* (published: 1000)"""
+    tracking_runs: Annotated[int, arg(metavar="N")] = 24
+    """independent runs of each filter (published: 1)"""
     seed: Annotated[int, arg(metavar="N")] = 0
     """seed of the first run; run i has this + i"""
     output: Annotated[Path, arg(metavar="DIR")] = Path("runs/evaluation")
@@ -127,14 +132,17 @@ def benchmark(options: Options, arguments: list[str], console: Console) -> int:
 
 
 def published(options: PublishedOptions, arguments: list[str], console: Console) -> int:
-    """Reproduce the published table; returns the exit status."""
-    from evaluation.published import print_table, reproduce
+    """Reproduce the published tables; returns the exit status."""
+    from evaluation.published import TASKS, print_table, reproduce, steps
 
+    check_choice("task", options.task, ("all", *TASKS))
+    tasks = TASKS if options.task == "all" else (options.task,)
     with Progress(console=console, transient=True) as progress:
-        bar = progress.add_task("published DR-RRT*", total=2 * options.runs)
+        bar = progress.add_task("published tables", total=steps(options.runs, options.tracking_runs, tasks))
         table = reproduce(
-            options.runs, options.seed, options.output, arguments, lambda: progress.advance(bar)
-        )
+            options.runs, options.seed, options.output, arguments, lambda: progress.advance(bar), tasks=tasks,
+            tracking_runs=options.tracking_runs,
+        )  # fmt: skip
     print_table(table, console)
     console.print(f"Written to {options.output / 'published.json'} and published.html", soft_wrap=True)
     return 0

@@ -1,6 +1,7 @@
-"""The published table of DR-RRT* (Dillard, NPS 2014, App. C; SPEC §6) beside ours.
+"""The published tables beside ours: DR-RRT* here (Dillard, NPS 2014, App. C; SPEC §6), tracking and placement in
+:mod:`evaluation.published_sensor_placement`.
 
-Published vortex, constant per cell, 60 s Euler drift, published start, goal, team and target. The obstacle set
+DR-RRT*: published vortex, constant per cell, 60 s Euler drift, published start, goal, team and target. The obstacle set
 is not published: ours is one 2 km square at the centre.
 """
 
@@ -8,18 +9,18 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from aquaquad_envs.errors import check_range
+from aquaquad_envs.errors import check_choice, check_range
 from aquaquad_envs.tasks.batch import make_world_batch
 from baselines import make_policy
 from baselines.dr_rrt_star import plan_published
 from baselines.problem import DriftHopProblem
-from evaluation import manifest, statistics
+from evaluation import manifest, published_sensor_placement, statistics
 from evaluation.benchmark import write_json, write_text
 from evaluation.markup import DASH, definitions, escape, number, page, percent, table
 
@@ -48,18 +49,64 @@ def problem() -> tuple[DriftHopProblem, float]:
     return made, float(bound[0])
 
 
+#: Tasks with published tables.
+TASKS = ("drift-hop", "sensor-placement")
+
+
 def reproduce(
-    runs: int, seed: int, output: Path, arguments: list[str], advance: Callable[[], None]
+    runs: int,
+    seed: int,
+    output: Path,
+    arguments: list[str],
+    advance: Callable[[], None],
+    *,
+    tasks: Sequence[str] = ("drift-hop",),
+    tracking_runs: int = published_sensor_placement.RUNS,
 ) -> dict[str, Any]:
-    """Run both variants ``runs`` times, write ``published.json`` and ``published.html``; returns the table."""
+    """Make the tables of ``tasks``; write ``published.json``, ``published.html`` and figures; returns the tables.
+
+    ``runs`` of each variant of DR-RRT*, ``tracking_runs`` of each filter. ``advance`` is called :func:`steps` times.
+    """
+    for task in tasks:
+        check_choice("task", task, TASKS)
     check_range("runs", runs, 1, 1_000_000)
+    check_range("tracking-runs", tracking_runs, 2, 100_000)
     check_range("seed", seed, 0, 2**62)
     begun = time.perf_counter()
-    task, bound = problem()
     found: dict[str, Any] = {
         "schema": 1,
         "machine": manifest.machine(),
         "manifest": manifest.run_manifest(arguments),
+    }
+    pictures: dict[str, bytes] = {}
+    if "drift-hop" in tasks:
+        found |= _reproduce_planner(runs, seed, advance)
+    if "sensor-placement" in tasks:
+        found["sensor_placement"], pictures = published_sensor_placement.reproduce(
+            tracking_runs, seed, advance
+        )
+    found["manifest"]["wall_s"] = time.perf_counter() - begun
+    write_json(output / "published.json", found)
+    for name, png in pictures.items():
+        (output / f"published-{name}.png").write_bytes(png)
+    title = "Published results beside ours"
+    body = f"<h1>{title}</h1>{section(found, pictures)}<h2>This run</h2>" + definitions(
+        {**found["manifest"], **{k: v for k, v in found["machine"].items() if k != "packages"}}
+    )
+    write_text(output / "published.html", page(title, body))
+    return found
+
+
+def steps(runs: int, tracking_runs: int, tasks: Sequence[str]) -> int:
+    """How often :func:`reproduce` calls ``advance``."""
+    planner = len(PUBLISHED) * runs if "drift-hop" in tasks else 0
+    return planner + (published_sensor_placement.steps(tracking_runs) if "sensor-placement" in tasks else 0)
+
+
+def _reproduce_planner(runs: int, seed: int, advance: Callable[[], None]) -> dict[str, Any]:
+    """Run both variants of DR-RRT* ``runs`` times."""
+    task, bound = problem()
+    found: dict[str, Any] = {
         "runs": runs,
         "seed": seed,
         "direct_wh": task.direct_energy_wh,
@@ -91,12 +138,6 @@ def reproduce(
                 "iterations": statistics.summary(np.array([plan.iterations for plan in plans], dtype=float)),
             }
         )  # fmt: skip
-    found["manifest"]["wall_s"] = time.perf_counter() - begun
-    write_json(output / "published.json", found)
-    body = f"<h1>Published DR-RRT* beside ours</h1>{section(found)}<h2>This run</h2>" + definitions(
-        {**found["manifest"], **{k: v for k, v in found["machine"].items() if k != "packages"}}
-    )
-    write_text(output / "published.html", page("Published DR-RRT* beside ours", body))
     return found
 
 
@@ -136,29 +177,37 @@ _HEAD = (
 _INTERVAL = 3
 
 
-def section(found: dict[str, Any]) -> str:
-    """The table as HTML."""
-    head = [escape(text).replace("\n", "<br>") for text in _HEAD]
-    return (
-        f'<p class="soft">{found["runs"]} runs of each variant, seeds from {found["seed"]}; published: 1000 runs. '
-        "Mean ± standard deviation. The published obstacle set is unknown; ours is one 2 km square at the centre. "
-        "Times are of this machine, one thread.</p>"
-        + table(head, [[escape(cell) for cell in row] for row in _rows(found)])
-    )
+def section(found: dict[str, Any], pictures: dict[str, bytes] | None = None) -> str:
+    """The tables that were made, as HTML; with figures if ``pictures`` are given."""
+    parts = []
+    if "rows" in found:
+        head = [escape(text).replace("\n", "<br>") for text in _HEAD]
+        parts.append(
+            f'<h3>DR-RRT*</h3><p class="soft">{found["runs"]} runs of each variant, seeds from {found["seed"]}; '
+            "published: 1000 runs. Mean ± standard deviation. The published obstacle set is unknown; ours is one 2 km "
+            "square at the centre. Times are of this machine, one thread.</p>"
+            + table(head, [[escape(cell) for cell in row] for row in _rows(found)])
+        )
+    if "sensor_placement" in found:
+        parts.append(published_sensor_placement.section(found["sensor_placement"], pictures))
+    return "\n".join(parts)
 
 
 def section_in(output: Path) -> str | None:
-    """The table of an earlier ``published`` run in the same folder, None where there is none that can be read."""
+    """The tables of an earlier ``published`` run in the same folder, None where there is none that can be read."""
     try:
-        return section(json.loads((output / "published.json").read_text(encoding="utf-8")))
-    except (OSError, ValueError, KeyError, TypeError):
+        return section(json.loads((output / "published.json").read_text(encoding="utf-8"))) or None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
 
 
 def print_table(found: dict[str, Any], console: Any) -> None:
-    """The table on the terminal."""
+    """The tables on the terminal."""
     from rich.table import Table
 
+    if "rows" not in found:
+        published_sensor_placement.print_tables(found["sensor_placement"], console)
+        return
     shown = Table(
         title=f"DR-RRT*, published (1000 runs) and ours ({found['runs']} runs); mean ± standard deviation",
         title_justify="left",
@@ -169,3 +218,5 @@ def print_table(found: dict[str, Any], console: Any) -> None:
     for row in _rows(found):
         shown.add_row(*(cell for k, cell in enumerate(row) if k != _INTERVAL))
     console.print(shown)
+    if "sensor_placement" in found:
+        published_sensor_placement.print_tables(found["sensor_placement"], console)
