@@ -69,7 +69,7 @@ def _count(things: list[Any], one: str, many: str) -> str:
 
 def _published(run: Benchmark) -> str:
     found = section_in(run.output)
-    return "" if found is None else f'<h2 id="published">Published table</h2>{found}'
+    return "" if found is None else f'<h2 id="published">Published tables</h2>{found}'
 
 
 def _notes() -> str:

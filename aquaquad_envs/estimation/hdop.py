@@ -28,11 +28,21 @@ SCALE_95 = float(np.sqrt(-2.0 * np.log(0.05)))
 
 
 @kernel
-def hdop_of_information(a, b, d):
-    """sqrt(trace(J⁻¹)) of J = [[a, b], [b, d]]; ``inf`` where J is singular to a part in 10¹²."""
+def _regular(a, b, d):
+    """Whether [[a, b], [b, d]] is not singular to a part in 10¹², and its eigenvalues within 10²⁴ of each other.
+
+    Written so that NaN (weights that overflow, a sensor all but on the target) is singular too. The second bound
+    catches a line of sensors along an axis, where a·d itself is but rounding.
+    """
     determinant = a * d - b * b
-    # Written so that NaN (weights that overflow, a sensor all but on the target) is singular too.
-    if not determinant > 1e-12 * a * d:
+    return determinant > 1e-12 * a * d and determinant > 1e-24 * (a + d) * (a + d)
+
+
+@kernel
+def hdop_of_information(a, b, d):
+    """sqrt(trace(J⁻¹)) of J = [[a, b], [b, d]]; ``inf`` where J is singular to rounding."""
+    determinant = a * d - b * b
+    if not _regular(a, b, d):
         return np.inf
     return np.sqrt((a + d) / determinant)
 
@@ -134,7 +144,7 @@ def ellipse_of_information(a, b, d):
     minor = 1.0 / np.sqrt(great)
     # Across the eigenvector of the greater eigenvalue; adding 0 turns a negative zero into a positive one.
     angle = 0.5 * np.arctan2(-b + 0.0, -half + 0.0)
-    if not determinant > 1e-12 * a * d:
+    if not _regular(a, b, d):
         return np.inf, minor, angle
     return np.sqrt(great / determinant), minor, angle
 

@@ -222,3 +222,11 @@ def test_maps():
 def test_refusals_say_why(call, words):
     with pytest.raises(InvalidParameterError, match=words):
         call()
+
+
+@pytest.mark.parametrize("turn", np.linspace(0, np.pi, 9))
+def test_tdoa_of_two_directions_is_singular_however_they_lie(turn):
+    """Two of three sensors in one direction: every difference of unit vectors is along one line, or zero."""
+    rotate = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    sensors = np.array([[-2500.0, 2500.0], [2500.0, 2500.0], [3000 / np.sqrt(2), 3000 / np.sqrt(2)]])
+    assert np.isinf(hdop("tdoa", sensors @ rotate.T, np.zeros((1, 2)))).all()
