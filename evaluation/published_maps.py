@@ -98,4 +98,7 @@ def _range_free() -> float:
     near, far = (
         moving_map("tdoa", TDOA_PAIR, TARGET, r * np.cos(angles), r * np.sin(angles)) for r in (1e3, 4e3)
     )
-    return float(np.max(np.abs(far / near - 1.0)))
+    regular = np.isfinite(near)
+    if not np.array_equal(regular, np.isfinite(far)):
+        return np.inf
+    return float(np.max(np.abs(far[regular] / near[regular] - 1.0)))
