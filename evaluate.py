@@ -38,15 +38,18 @@ class Options:
     (`python evaluate.py published --help`).
     """
 
-    task: Annotated[str, arg(metavar="TASK")] = "drift-hop"
-    """decision problem: drift-hop"""
+    task: Annotated[str | None, arg(metavar="TASK", help_behavior_hint="")] = None
+    """decision problem: drift-hop, sensor-placement (default: all)"""
     policies: Annotated[tuple[str, ...], arg(metavar="NAME,NAME...", help_behavior_hint="")] = ()
-    """random, drift, direct-flight, greedy, dr-rrt-star, optimal, ppo; also ppo=FOLDER for a checkpoint that you
-    trained, MODULE:CLASS for a policy that you wrote (default: all that ship)"""
+    """random, drift, ppo; drift-hop: direct-flight, greedy, dr-rrt-star, optimal; sensor-placement: hold, hdop-optimal;
+    also ppo=FOLDER for a checkpoint that you trained, MODULE:CLASS for a policy that you wrote (default: all that
+    ship)"""
     suite: Annotated[tuple[str, ...], arg(metavar="NAME,NAME...", help_behavior_hint="")] = ()
-    """vortex, vortex-perturbed, gyres, forecast-error, file (default: all; file only when --currents is given)"""
+    """drift-hop: vortex, vortex-perturbed, gyres, forecast-error; sensor-placement: calm-, vortex- or gyres- with
+    bearing, range or tdoa, fence, grid-1x1, grid-3x3, grid-5x5; both: file (default: all; file only when
+    --currents is given)"""
     episodes: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
-    """episodes of each suite (default: each suite's quick size, 24 to 100)"""
+    """episodes of each suite (default: each suite's quick size, 4 to 100)"""
     seed: Annotated[int, arg(metavar="N")] = 0
     """which set of frozen seeds, 0 to 99"""
     currents: Annotated[tuple[Path, ...], arg(metavar="FILE.nc", help_behavior_hint="")] = ()
@@ -85,10 +88,14 @@ class PublishedOptions:
 def benchmark(options: Options, arguments: list[str], console: Console) -> int:
     """Run the benchmark that ``options`` ask for; returns the exit status."""
     from evaluation.benchmark import Benchmark
-    from evaluation.policies import find_policies
+    from evaluation.policies import policies_by_task
     from evaluation.report import print_summary, write_report
-    from evaluation.suites import find_suites
+    from evaluation.suites import find_suites, find_tasks
 
+    tasks = find_tasks(options.task, _split(options.suite))
+    policies = policies_by_task(tasks, _split(options.policies))
+    if len(tasks) > 1:
+        tasks = [task for task in tasks if policies[task]]
     suites = find_suites(
         options.task,
         _split(options.suite),
@@ -96,9 +103,9 @@ def benchmark(options: Options, arguments: list[str], console: Console) -> int:
         center=options.currents_center,
     )
     run = Benchmark(
-        task=options.task,
-        suites=suites,
-        policies=find_policies(options.task, _split(options.policies)),
+        task=" and ".join(tasks),
+        suites=[suite for suite in suites if suite.task in tasks],
+        policies=policies[tasks[0]] if len(tasks) == 1 else policies,
         seed=options.seed,
         output=options.output,
         arguments=arguments,

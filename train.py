@@ -24,10 +24,10 @@ class Args:
 
     task: str = "drift-hop"
     """task to train on"""
-    algorithm: Literal["ppo", "sac"] = "ppo"
-    """learning algorithm"""
+    algorithm: Literal["ppo", "mappo", "sac"] = "ppo"
+    """learning algorithm: ppo; mappo, for teams, whose critic sees the whole world in training; or sac"""
     scenario: str = "vortex"
-    """world to train on: vortex or gyres"""
+    """world to train on: vortex or gyres; for sensor-placement also calm"""
     steps: int = 10_000_000
     """frames (decisions summed over worlds) to train for"""
     seed: int = 0
@@ -63,7 +63,7 @@ def main() -> int:
             imitation_rounds=args.imitation_rounds,
             checkpoint_every=args.checkpoint_every,
         )
-        if args.algorithm == "ppo" and recipe.imitation_rounds == 0:
+        if args.algorithm != "sac" and recipe.imitation_rounds == 0:
             # Nothing to imitate: exploring has to find everything, and the critic starts level with the actor.
             recipe = recipe.with_overrides(initial_log_std=-0.5, value_warmup_frames=0)
         if args.learning_rate is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from gymnasium import spaces
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
 from agents.frames import Frame
@@ -14,7 +15,11 @@ class FramedVecEnv(VecEnvWrapper):
     """``venv`` with observations and actions in ``frame``; everything else passes through."""
 
     def __init__(self, venv: VecEnv, frame: Frame) -> None:
-        super().__init__(venv)
+        own = venv.observation_space
+        assert isinstance(own, spaces.Box)
+        # A corner of the box, turned, sticks out of it.
+        reach = float(np.sqrt(2.0)) if frame.turns else 1.0
+        super().__init__(venv, observation_space=spaces.Box(-reach, reach, own.shape, np.float32))
         self.frame = frame
         self._world_observations = np.empty(0)
 

@@ -1,7 +1,7 @@
 """The frame in which a policy sees and gives vectors: the world's, or one turned towards the goal.
 
-In the goal's frame the first axis points from the vehicle to the goal, so that missions which differ
-by a turn of the map look alike and one lesson serves them all.
+In the goal's frame the first axis points from the vehicle to the goal, or to the nearest target of a team, so
+that missions which differ by a turn of the map look alike and one lesson serves them all.
 """
 
 from __future__ import annotations
@@ -10,20 +10,31 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from aquaquad_envs.errors import InvalidParameterError, check_choice
+
 FRAMES = ("world", "goal")
-#: The observations that tell the frame; they alone stay in the world's, so that north is known.
-_DIRECTION = ("goal direction x", "goal direction y")
+#: Observations that tell the frame, the first that a task has; they alone stay in the world's: north is known.
+_DIRECTIONS = (("goal direction x", "goal direction y"), ("target 1 direction x", "target 1 direction y"))
 _SECOND = {"x": "y", "dx": "dy", "u": "v"}
 
 
 def vector_pairs(names: Sequence[str]) -> np.ndarray:
     """Indices (n, 2) of the observations that are the two components of one vector, by their names."""
+    place = {name: i for i, name in enumerate(names)}
     pairs = []
     for i, name in enumerate(names):
         second = " ".join(_SECOND.get(word, word) for word in name.split())
-        if second != name and second in names and name not in _DIRECTION:
-            pairs.append((i, list(names).index(second)))
+        if second != name and second in place and name not in frame_direction(names):
+            pairs.append((i, place[second]))
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+
+
+def frame_direction(names: Sequence[str]) -> tuple[str, str]:
+    """The pair of observations that the goal's frame is turned by."""
+    for direction in _DIRECTIONS:
+        if direction[0] in names:
+            return direction
+    raise InvalidParameterError("frame", "goal", "a task that observes the direction of a goal or target")
 
 
 class Frame:
@@ -33,9 +44,11 @@ class Frame:
     """
 
     def __init__(self, name: str, observation_names: Sequence[str]) -> None:
+        check_choice("frame", name, FRAMES)
         self.turns = name == "goal"
-        self._pairs = vector_pairs(observation_names)
-        self._direction = [list(observation_names).index(part) for part in _DIRECTION] if self.turns else []
+        self._pairs = vector_pairs(observation_names) if self.turns else np.empty((0, 2), dtype=np.int64)
+        names = list(observation_names)
+        self._direction = [names.index(part) for part in frame_direction(names)] if self.turns else []
 
     def observe(self, observations: np.ndarray) -> np.ndarray:
         """Observations (rows, n) as the policy sees them: a new array, or the same in the world's frame."""
@@ -57,7 +70,9 @@ class Frame:
         return self._turned(actions, observations, -1.0) if self.turns else actions
 
     def _axes(self, observations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return observations[:, self._direction[:1]], observations[:, self._direction[1:]]
+        cos, sin = observations[:, self._direction[:1]], observations[:, self._direction[1:]]
+        # No direction (nothing to go to, an agent that is done): the world's frame.
+        return np.where((cos == 0.0) & (sin == 0.0), np.float32(1.0), cos), sin
 
     def _turned(self, actions: np.ndarray, observations: np.ndarray, way: float) -> np.ndarray:
         cos, sin = self._axes(observations)

@@ -38,7 +38,7 @@ def imitate(
     optimiser = torch.optim.Adam(actor.parameters(), lr=1e-3)
     seen: list[np.ndarray] = []
     labels: list[np.ndarray] = []
-    params = {**recipe.params, "start_anywhere": 0.0}
+    params = {**recipe.params, **recipe.imitation_params}
     frame = Frame(recipe.frame, load_task(recipe.task).observation_names)
     for number in range(recipe.imitation_rounds):
         batch = make_world_batch(recipe.task, recipe.imitation_worlds, **params)
@@ -50,9 +50,12 @@ def imitate(
         planned = {**params, "obstacle_margin_m": margin}
         expert = make_policy(recipe.expert, make_world_batch(recipe.task, recipe.imitation_worlds, **planned))
         for mission in range(recipe.imitation_missions):
-            batch.reset(first)
-            if mission > 0:
-                _scatter(batch, rng)
+            if recipe.imitation_scatter:
+                batch.reset(first)
+                if mission > 0:
+                    _scatter(batch, rng)
+            else:
+                batch.reset(first + 2**30 * mission)
             # Early rounds mostly follow the expert, later ones mostly the learner.
             trust = 0.7**number if number or mission else 1.0
             observations, wanted = _roll(batch, expert, actor, frame, trust, rng)
@@ -88,19 +91,21 @@ def _roll(
     """One mission of every world: observations met and what the expert would have done there."""
     seen, labels = [], []
     # A restarted world is observed by its first step; until then it drifts once.
-    batch.step(np.zeros((batch.num_worlds, batch.action_spec.size)))
+    batch.step(np.zeros(batch.action_shape))
     for _ in range(10_000):
-        running = ~(batch.terminated | batch.truncated)
+        running = ~batch.done
         if not running.any():
             break
         wanted = expert.act(batch.observations, batch.worlds)
-        observed = frame.observe(batch.observations)
-        seen.append(observed[running].copy())
-        labels.append(frame.see_actions(wanted, batch.observations)[running])
+        rows = batch.observations.reshape(-1, batch.observations.shape[-1])
+        observed = frame.observe(rows)
+        seen.append(observed[running.ravel()])
+        labels.append(frame.see_actions(wanted.reshape(len(rows), -1), rows)[running.ravel()])
         with torch.no_grad():
             own = np.clip(actor(torch.from_numpy(observed)).numpy(), -1.0, 1.0)
-        follow = rng.random(batch.num_worlds) < trust
-        batch.step(np.where(follow[:, None], wanted, frame.act(own, batch.observations)))
+        own = frame.act(own, rows).reshape(wanted.shape)
+        follow = rng.random(batch.rows) < trust
+        batch.step(np.where(follow[..., None], wanted, own))
     return np.concatenate(seen), np.concatenate(labels)
 
 

@@ -37,7 +37,7 @@ class LearnedPolicy:
         except KeyError as error:
             raise CheckpointError(f"{folder}: has no tensor {error}.") from error
         sizes = [self._layers[0][0].shape[0], self._layers[-1][0].shape[1]] if layers else []
-        if sizes != [batch.observations.shape[1], batch.action_spec.size]:
+        if sizes != [batch.observations.shape[-1], batch.action_spec.size]:
             raise CheckpointError(f"{folder}: the network maps {sizes}, the task needs other sizes.")
         self._activation = {"tanh": np.tanh, "relu": lambda x: np.maximum(x, 0.0)}[self.card["activation"]]
         self._squash = self.card["squash"]
@@ -47,9 +47,10 @@ class LearnedPolicy:
         """Nothing to reset: the policy has no memory."""
 
     def act(self, observations: np.ndarray, worlds: np.ndarray) -> np.ndarray:
-        """Actions (num_worlds, size) float32 in [-1, 1] for ``observations`` (num_worlds, n)."""
-        seen = self._frame.observe(observations)
-        return self._frame.act(forward(self._layers, self._activation, self._squash, seen), observations)
+        """Actions (..., size) float32 in [-1, 1] for ``observations`` (..., n): a row a world, or a world and agent."""
+        rows = observations.reshape(-1, observations.shape[-1])
+        own = forward(self._layers, self._activation, self._squash, self._frame.observe(rows))
+        return self._frame.act(own, rows).reshape(*observations.shape[:-1], -1)
 
 
 def forward(

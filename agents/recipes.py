@@ -40,6 +40,10 @@ class Recipe:
     #: missions a round from each world: the first from its start, the others from anywhere
     imitation_missions: int = 16
     imitation_epochs: int = 20
+    #: parameters of the worlds that differ while imitating
+    imitation_params: dict[str, Any] = field(default_factory=dict)
+    #: whether missions after the first begin anywhere (drift-hop), else with the next seeds
+    imitation_scatter: bool = False
     #: m by which obstacles are grown for the imitated expert
     imitation_margin_m: float = 150.0
     #: frames during which only the value function learns, so that it does not spoil an imitated policy
@@ -112,6 +116,8 @@ def drift_hop_recipe(scenario: str, algorithm: str) -> Recipe:
         imitation_rounds=10 if ppo else 0,
         # The optimum of one vortex can be imitated; that of every random field depends on more than is
         # observed, and its imitation misses the goal: there an expert that looks less far is the better start.
+        imitation_params={"start_anywhere": 0.0},
+        imitation_scatter=True,
         expert="optimal" if scenario == "vortex" else "greedy",
         frame="world" if scenario == "vortex" else "goal",
         imitation_worlds=24 if scenario == "vortex" else 512,
@@ -122,7 +128,36 @@ def drift_hop_recipe(scenario: str, algorithm: str) -> Recipe:
     )
 
 
-RECIPES = {"drift-hop": drift_hop_recipe}
+def sensor_placement_recipe(scenario: str, algorithm: str) -> Recipe:
+    """The recipe of sensor placement in ``scenario`` with TDOA: "ppo" (parameters shared) or "mappo"."""
+    check_choice("scenario", scenario, ("calm", "vortex", "gyres"))
+    check_choice("algorithm", algorithm, ("ppo", "mappo"))
+    params: dict[str, Any] = {"scenario": scenario, "measurement": "tdoa"}
+    fields = {"field_seed": 1, "num_fields": 512} if scenario == "gyres" else {}
+    checks = {"field_seed": 2, "num_fields": 200} if scenario == "gyres" else {}
+    return Recipe(
+        task="sensor-placement",
+        scenario=scenario,
+        algorithm=algorithm,
+        num_worlds=128,
+        params={**params, **fields},
+        validation={**params, **checks},
+        # What a hop does to the geometry shows within hours.
+        algorithm_settings={**_PPO, "gamma": 0.98},
+        frame="goal",
+        initial_log_std=-3.0,
+        imitation_rounds=10,
+        expert="hdop-optimal",
+        imitation_worlds=64,
+        imitation_missions=1,
+        imitation_epochs=12,
+        imitation_margin_m=50.0,
+        value_warmup_frames=300_000,
+        evaluation_episodes=100,
+    )
+
+
+RECIPES = {"drift-hop": drift_hop_recipe, "sensor-placement": sensor_placement_recipe}
 
 
 def make_recipe(task: str, scenario: str, algorithm: str) -> Recipe:

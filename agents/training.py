@@ -14,8 +14,10 @@ import torch
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import VecEnvWrapper
 
 from agents import checkpoints
+from agents.central_critic import CentralCriticPolicy, StateVecEnv
 from agents.framed_vec_env import FramedVecEnv
 from agents.frames import Frame
 from agents.imitation import imitate
@@ -27,19 +29,23 @@ from aquaquad_envs.interfaces.registration import sb3_vec_env
 from aquaquad_envs.tasks.batch import make_world_batch
 from aquaquad_envs.tasks.rollout import rollout
 
-ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC}
+ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "mappo": PPO, "sac": SAC}
 
 
 def build(recipe: Recipe, *, seed: int, threads: int, log_folder: Path | None) -> BaseAlgorithm:
     """The untrained Stable-Baselines3 model of ``recipe`` over a native batch of worlds."""
     worlds = sb3_vec_env(recipe.task, recipe.num_worlds, threads=threads, **recipe.params)
-    env = FramedVecEnv(worlds, Frame(recipe.frame, worlds.batch.task.observation_names))
+    env: VecEnvWrapper = FramedVecEnv(worlds, Frame(recipe.frame, worlds.batch.task.observation_names))
     settings = dict(recipe.algorithm_settings)
     policy: dict[str, Any] = {"net_arch": list(recipe.hidden)}
-    if recipe.algorithm == "ppo":
+    if recipe.algorithm != "sac":
         policy |= {"log_std_init": recipe.initial_log_std, "activation_fn": torch.nn.Tanh}
+    network: Any = "MlpPolicy"
+    if recipe.algorithm == "mappo":
+        network, env = CentralCriticPolicy, StateVecEnv(env)
+        policy["own"] = len(worlds.batch.task.observation_names)
     return ALGORITHMS[recipe.algorithm](
-        "MlpPolicy", env, seed=seed, policy_kwargs=policy, device="cpu", verbose=0,
+        network, env, seed=seed, policy_kwargs=policy, device="cpu", verbose=0,
         tensorboard_log=None if log_folder is None else str(log_folder), **settings,
     )  # fmt: skip
 
@@ -221,7 +227,7 @@ class _Follower(BaseCallback):
                 "kind": "policy", "task": self.recipe.task, "scenario": self.recipe.scenario,
                 "algorithm": self.recipe.algorithm, "command": self.command, "seed": self.seed,
                 "steps": self.progress["frames"], "training_s": round(wall_s, 1),
-                "hidden": list(self.recipe.hidden), "activation": "tanh" if self.recipe.algorithm == "ppo" else "relu",
+                "hidden": list(self.recipe.hidden), "activation": "relu" if self.recipe.algorithm == "sac" else "tanh",
                 "squash": self.recipe.algorithm == "sac", "frame": self.recipe.frame,
                 "observation_names": list(batch.task.observation_names),
                 "params": {k: v for k, v in dataclasses.asdict(batch.params).items() if v is not None},
@@ -238,14 +244,24 @@ def _mean(values: np.ndarray) -> float | None:
 
 
 def validate(recipe: Recipe, folder: Path, episodes: int) -> dict[str, Any]:
-    """Mean metrics of a policy checkpoint on ``episodes`` held-out seeds, and a score to compare by.
-
-    The score is the mean saving against direct flight, where a failed episode counts as -4: as much as
-    flying five times the direct way.
-    """
+    """Mean metrics of a policy checkpoint on ``episodes`` held-out seeds, and a score to compare by."""
     batch = make_world_batch(recipe.task, episodes, **recipe.validation)
     result = rollout(LearnedPolicy(batch, checkpoint=folder), batch, VALIDATION_SEED + np.arange(episodes))
     means = {name: _mean(values) for name, values in result.metrics.items()}
-    arrived = result.metrics["success"]
-    means["score"] = float(np.mean(np.where(arrived > 0, result.metrics["saving_vs_direct"], -4.0)))
+    means["score"] = float(np.mean(_SCORES[recipe.task](result.metrics)))
     return means
+
+
+def _drift_hop_score(metrics: dict[str, np.ndarray]) -> np.ndarray:
+    """The saving against direct flight; a failed episode counts as flying five times the direct way."""
+    return np.where(metrics["success"] > 0, metrics["saving_vs_direct"], -4.0)
+
+
+def _sensor_placement_score(metrics: dict[str, np.ndarray]) -> np.ndarray:
+    """Minus the logarithm of the tracking error, and a tenth of that for every tenfold flight energy beyond 1 Wh."""
+    lost = 1.0 - metrics["alive"]
+    return -np.log(metrics["tracking_rmse_m"]) - 0.05 * np.log1p(metrics["flight_energy_wh"]) - 5.0 * lost
+
+
+#: What the best policy of a training is chosen by, each (episodes,), higher is better.
+_SCORES = {"drift-hop": _drift_hop_score, "sensor-placement": _sensor_placement_score}

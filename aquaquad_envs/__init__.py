@@ -1,6 +1,7 @@
 """AquaQuad Envs: reinforcement-learning environments for an air-water quadcopter.
 
-Importing this package registers ``AquaQuad/DriftHop-v0`` with Gymnasium.
+Importing this package registers ``AquaQuad/DriftHop-v0`` with Gymnasium, and
+``AquaQuad/SensorPlacement-v0``, a task of a team, with PettingZoo.
 """
 
 from aquaquad_envs.interfaces.registration import register_all, sb3_vec_env

@@ -25,7 +25,10 @@ class Policy(Protocol):
         """Begin an episode in every world; ``seeds`` decide whatever the policy draws."""
 
     def act(self, observations: np.ndarray, worlds: np.ndarray) -> np.ndarray:
-        """Actions of all worlds, (num_worlds, size); those of finished worlds are ignored."""
+        """Actions of all worlds, (num_worlds, size), of a team (num_worlds, agents, size).
+
+        Those of finished worlds, and of agents that are done, are ignored.
+        """
 
 
 #: Task -> policy name -> where its class is: "module:class". Imported when asked for.
@@ -37,6 +40,12 @@ POLICIES: dict[str, dict[str, str]] = {
         "greedy": "baselines.greedy:Greedy",
         "dr-rrt-star": "baselines.dr_rrt_star:DrRrtStar",
         "optimal": "baselines.optimal:Optimal",
+    },
+    "sensor-placement": {
+        "random": "baselines.simple:Random",
+        "drift": "baselines.simple:Drift",
+        "hold": "baselines.hold:Hold",
+        "hdop-optimal": "baselines.hdop_optimal:HdopOptimal",
     },
 }
 

@@ -14,15 +14,16 @@ _BLOCK = 64
 class Random:
     """Any action, uniformly: the box of a continuous task, all indices of a discrete one.
 
-    World i draws from its own generator, seeded by the i-th seed of :meth:`reset`: its actions
-    do not depend on the other worlds of the batch.
+    World i draws for all its agents from its own generator, seeded by the i-th seed of :meth:`reset`: its
+    actions do not depend on the other worlds of the batch.
     """
 
     information = "nothing"
 
     def __init__(self, batch: Any) -> None:
         self.table = batch.action_spec.table
-        self.size = batch.action_spec.size
+        #: Of the actions of one world: none or (size,), of a team (agents,) or (agents, size).
+        self.shape = batch.action_shape[1:]
         self.generators: list[np.random.Generator] = []
 
     def reset(self, seeds: np.ndarray) -> None:
@@ -32,7 +33,7 @@ class Random:
         self._next = _BLOCK
 
     def act(self, observations: np.ndarray, worlds: np.ndarray) -> np.ndarray:
-        """Actions: float32 (num_worlds, size) in [-1, 1), or indices (num_worlds,)."""
+        """Actions: float32 (num_worlds, size) in [-1, 1), or indices (num_worlds,); of a team for each agent."""
         if self._next == _BLOCK:
             # A block at a time: a call into each world's generator at every decision would be slow.
             self._drawn = np.stack([self._draw(generator) for generator in self.generators], axis=1)
@@ -43,8 +44,8 @@ class Random:
 
     def _draw(self, generator: np.random.Generator) -> np.ndarray:
         if self.table is not None:
-            return generator.integers(len(self.table), size=_BLOCK)
-        return generator.uniform(-1.0, 1.0, (_BLOCK, self.size)).astype(np.float32)
+            return generator.integers(len(self.table), size=(_BLOCK, *self.shape))
+        return generator.uniform(-1.0, 1.0, (_BLOCK, *self.shape)).astype(np.float32)
 
 
 class Drift:
@@ -54,8 +55,7 @@ class Drift:
 
     def __init__(self, batch: Any) -> None:
         discrete = batch.action_spec.table is not None
-        shape = (batch.num_worlds,) if discrete else (batch.num_worlds, batch.action_spec.size)
-        self._still = np.zeros(shape, dtype=np.int64 if discrete else np.float32)
+        self._still = np.zeros(batch.action_shape, dtype=np.int64 if discrete else np.float32)
 
     def reset(self, seeds: np.ndarray) -> None:
         """Nothing to forget."""

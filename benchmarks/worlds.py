@@ -1,6 +1,6 @@
 """How fast worlds step: native batches, the Gymnasium interfaces, and PPO against a zero-cost VecEnv.
 
-``python benchmarks/worlds.py`` measures all; ``--only`` takes one of batch, vector, single, ppo.
+``python benchmarks/worlds.py`` measures all; ``--only`` takes one of batch, vector, single, team, ppo.
 
 Every figure is the best of several repetitions, in world-steps (decisions) per second; a drift decision is
 ten Runge–Kutta sub-steps with obstacles, energy and observation. Ratios compare runs that alternate in
@@ -103,6 +103,25 @@ def vector() -> None:
     print(f"vector  native over SyncVectorEnv, 16 worlds: {ratio:.1f} times ({rates['sync'] / 1e6:.3f} M/s)")
 
 
+def team() -> None:
+    """Raw batches of 1024 teams of 4 vehicles: drift with the tracker in the loop, and half hops."""
+    rng = np.random.default_rng(0)
+    for threads in (1, 2):
+        for measurement in ("tdoa", "range"):
+            batch = aquaquad_envs.make_world_batch(
+                "sensor-placement", 1024, threads=threads, scenario="vortex", measurement=measurement
+            )
+            drift = np.zeros(batch.action_shape)
+            hops = rng.uniform(-0.6, 0.6, drift.shape) * (rng.random((*drift.shape[:2], 1)) < 0.5)
+            for name, actions in (("drift", drift), ("half hops", hops)):
+                rate = batch_rate(batch, actions, steps=10)
+                cycles = rate * batch.params.sub_steps
+                print(
+                    f"team    vortex, {measurement:5} 1024 worlds, {threads} threads, {name:9}: {rate / 1e3:6.0f} k/s, "
+                    f"{cycles / 1e6:.2f} M tracker cycles/s"
+                )
+
+
 def single() -> None:
     """``gymnasium.Env.step`` of one world, with resets; CartPole-v1 beside it."""
     for name in ("AquaQuad/DriftHop-v0", "CartPole-v1"):
@@ -186,11 +205,17 @@ class Args:
     """Measure how fast worlds step."""
 
     only: str | None = None
-    """one of: batch, vector, single, ppo"""
+    """one of: batch, vector, single, team, ppo"""
 
 
 if __name__ == "__main__":
     chosen = tyro.cli(Args).only
-    for label, measure in {"batch": batches, "vector": vector, "single": single, "ppo": ppo}.items():
+    for label, measure in {
+        "batch": batches,
+        "vector": vector,
+        "single": single,
+        "team": team,
+        "ppo": ppo,
+    }.items():
         if chosen in (None, label):
             measure()

@@ -15,11 +15,12 @@ import numpy as np
 
 from aquaquad_envs.errors import CheckpointError
 from aquaquad_envs.tasks.rollout import EpisodeResults
-from evaluation import manifest, scores, statistics
+from evaluation import manifest, statistics
 from evaluation.policies import about
 from evaluation.rollouts import Workers, find_references, make_batch, run_policy
-from evaluation.scores import References, ReferenceSolver
+from evaluation.scores import References
 from evaluation.suites import Suite
+from evaluation.tables import TABLES, TaskTable
 
 SCHEMA = 1
 
@@ -42,18 +43,24 @@ class SuiteRun:
     entries: list[dict[str, Any]] = field(default_factory=list)
     pairs: list[dict[str, Any]] = field(default_factory=list)
 
+    @property
+    def table(self) -> TaskTable:
+        """What is shown of the suite's task."""
+        return TABLES[self.suite.task]
+
 
 @dataclass(eq=False)
 class Benchmark:
     """One run of the benchmark; :meth:`run` fills ``suites`` and rewrites ``results.json`` as it goes.
 
+    ``task`` heads the report. ``policies``: names for all suites, or by task where these are of several.
     ``advance(suite, policy, episodes)`` is told of progress; work on references counts as policy
     "score references".
     """
 
     task: str
     suites: list[Suite]
-    policies: list[str]
+    policies: list[str] | dict[str, list[str]]
     seed: int
     output: Path
     arguments: list[str]
@@ -68,7 +75,7 @@ class Benchmark:
         self._begun = time.perf_counter()
         # Anything that the arguments ask for and that cannot be is said before the first minute is spent.
         self.strata = {
-            suite.name: suite.strata_seeds(
+            (suite.task, suite.name): suite.strata_seeds(
                 suite.episodes if self.episodes is None else self.episodes, self.seed
             )
             for suite in self.suites
@@ -80,10 +87,19 @@ class Benchmark:
     def steps(self) -> int:
         """Episodes of work ahead, references included."""
         return sum(
-            len(seeds) * (len(self.policies) + 1)
-            for strata in self.strata.values()
+            len(seeds) * (len(self.policies_of(task)) + 1)
+            for (task, _), strata in self.strata.items()
             for seeds in strata.values()
         )
+
+    def policies_of(self, task: str) -> list[str]:
+        """Names of the policies that play ``task``."""
+        return self.policies.get(task, []) if isinstance(self.policies, dict) else self.policies
+
+    @property
+    def tasks(self) -> list[str]:
+        """Tasks of the suites, in their order."""
+        return list(dict.fromkeys(suite.task for suite in self.suites))
 
     @property
     def crashed(self) -> list[dict[str, Any]]:
@@ -97,21 +113,22 @@ class Benchmark:
 
     def run(self) -> None:
         """Run everything; what was finished is on disk whenever this ends."""
-        workers, solver = Workers(), ReferenceSolver()
+        workers = Workers()
+        solvers = {task: TABLES[task].scores.ReferenceSolver() for task in self.tasks}
         self.write()
         for suite in self.suites:
-            strata = self.strata[suite.name]
+            strata = self.strata[suite.task, suite.name]
             run = SuiteRun(
                 suite=suite,
                 seeds=np.concatenate(list(strata.values())),
                 strata=np.repeat(list(strata), [len(seeds) for seeds in strata.values()]),
             )
             self.runs.append(run)
-            self._run_suite(run, workers, solver)
+            self._run_suite(run, workers, solvers[suite.task])
         self.complete = True
         self.write()
 
-    def _run_suite(self, run: SuiteRun, workers: Workers, solver: ReferenceSolver) -> None:
+    def _run_suite(self, run: SuiteRun, workers: Workers, solver: Any) -> None:
         suite = run.suite
 
         def progress(policy: str) -> Callable[[int], None]:
@@ -122,10 +139,10 @@ class Benchmark:
             run.references = find_references(suite, run.seeds, solver, workers, progress("score references"))
         except Exception as error:
             run.error = f"{type(error).__name__}: {error}"
-            run.entries = [self._failed(run, name, error, 0.0) for name in self.policies]
+            run.entries = [self._failed(run, name, error, 0.0) for name in self.policies_of(suite.task)]
             self.write()
             return
-        for name in self.policies:
+        for name in self.policies_of(suite.task):
             begun = time.perf_counter()
             try:
                 results, described = run_policy(suite, name, run.seeds, workers, progress(name))
@@ -136,7 +153,7 @@ class Benchmark:
 
     def _head(self, run: SuiteRun, name: str) -> dict[str, Any]:
         return {
-            "task": self.task, "suite": run.suite.name, "policy": name, "episodes": len(run.seeds),
+            "task": run.suite.task, "suite": run.suite.name, "policy": name, "episodes": len(run.seeds),
             "seed": self.seed,
         }  # fmt: skip
 
@@ -152,9 +169,10 @@ class Benchmark:
         self, run: SuiteRun, name: str, results: EpisodeResults, described: dict[str, Any], wall_s: float
     ) -> dict[str, Any]:
         assert run.references is not None
+        scores = run.table.scores
         run.metrics[name] = scores.metrics_of(results, run.references)
         run.scores[name] = scores.scores_of(results, run.references)
-        run.pairs += [_pair(run, other, name) for other in run.runs]
+        run.pairs += [_pair(run, other, name, self.several) for other in run.runs]
         run.runs[name] = results
         everything = np.ones(len(run.seeds), dtype=bool)
         entry = {
@@ -178,10 +196,15 @@ class Benchmark:
             "schema": SCHEMA,
             "machine": self.machine,
             "manifest": {**self.manifest, "wall_s": self.wall_s, "complete": self.complete},
-            "suites": [_suite_record(run) for run in self.runs],
+            "suites": [_suite_record(run, self.several) for run in self.runs],
             "results": [entry for run in self.runs for entry in run.entries],
             "paired": [pair for run in self.runs for pair in run.pairs],
         }
+
+    @property
+    def several(self) -> bool:
+        """Whether the suites are of several tasks."""
+        return len(self.tasks) > 1
 
     @property
     def wall_s(self) -> float:
@@ -199,7 +222,7 @@ def _summaries(run: SuiteRun, name: str, chosen: np.ndarray) -> dict[str, Any]:
     return {
         "metrics": {
             metric: statistics.summary(
-                values[chosen], share=metric == "success", robust=metric == "flight_energy_wh"
+                values[chosen], share=metric in run.table.shares, robust=metric in run.table.robust
             )
             for metric, values in run.metrics[name].items()
         },
@@ -208,27 +231,35 @@ def _summaries(run: SuiteRun, name: str, chosen: np.ndarray) -> dict[str, Any]:
     }
 
 
-def _suite_record(run: SuiteRun) -> dict[str, Any]:
+def _suite_record(run: SuiteRun, several: bool) -> dict[str, Any]:
     record: dict[str, Any] = {
+        **({"task": run.suite.task} if several else {}),
         "suite": run.suite.name, "about": run.suite.about, "params": run.suite.params, "notes": list(run.notes),
         "seeds": run.seeds.tolist(),
     }  # fmt: skip
     if run.error is not None:
         record["error"] = run.error
     if run.references is not None:
+        null, bound = run.table.references
         record["references"] = {
-            "null_wh": statistics.summary(run.references.null),
-            "bound_wh": statistics.summary(run.references.bound),
+            null: statistics.summary(run.references.null),
+            bound: statistics.summary(run.references.bound),
         }
     return record
 
 
-def _pair(run: SuiteRun, a: str, b: str) -> dict[str, Any]:
+def _pair(run: SuiteRun, a: str, b: str, several: bool) -> dict[str, Any]:
     """Paired differences of two policies of a suite."""
-    energy = (run.metrics[a]["flight_energy_wh"], run.metrics[b]["flight_energy_wh"])
     return {
+        **({"task": run.suite.task} if several else {}),
         "suite": run.suite.name, "a": a, "b": b,
-        "flight_energy_wh": statistics.paired(*energy, less_is_better=True),
+        **{
+            pairing.metric: statistics.paired(
+                run.metrics[a][pairing.metric], run.metrics[b][pairing.metric],
+                less_is_better=pairing.less_is_better,
+            )
+            for pairing in run.table.pairings
+        },
         "score": statistics.paired(run.scores[a], run.scores[b], less_is_better=False),
     }  # fmt: skip
 

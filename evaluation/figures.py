@@ -11,13 +11,14 @@ from aquaquad_envs.physics.currents import CurrentField
 from aquaquad_envs.physics.grids import Grid
 from aquaquad_envs.tasks.batch import WorldBatch
 from evaluation.benchmark import SuiteRun
+from evaluation.figures_team import draw_team, team_title
 from evaluation.rollouts import make_batch
 
 #: Okabe and Ito's colours, which the colour-blind tell apart too.
 COLOURS = {
     "random": "#7f7f7f", "drift": "#56b4e9", "direct-flight": "#e69f00", "greedy": "#f0e442",
     "dr-rrt-star": "#009e73",
-    "optimal": "#0072b2", "ppo": "#d55e00",
+    "optimal": "#0072b2", "ppo": "#d55e00", "hold": "#e69f00", "hdop-optimal": "#0072b2",
 }  # fmt: skip
 _OTHER = "#cc79a7"
 _DRIFT, _HOP = "#0072b2", "#d55e00"
@@ -53,13 +54,21 @@ def _fewer_colours(png: bytes) -> bytes:
 
 
 def distributions(run: SuiteRun) -> bytes:
-    """Flight energy of the episodes that arrived, and score of all of them, a row a policy."""
-    names = list(run.runs)
+    """What the task is about (flight energy of arrivals, tracking error), and the score, a row a policy."""
+    names, table = list(run.runs), run.table
+    metric, title = next(
+        (
+            (metric, label)
+            for metric, label in table.distribution
+            if any(np.isfinite(run.metrics[name][metric]).any() for name in names)
+        ),
+        table.distribution[0],
+    )
     figure, axes = _figure(10.5, 1.1 + 0.5 * len(names), nrows=1, ncols=2, sharey=True)
     jitter = np.random.default_rng(0)
     data = (
-        (axes[0], "flight energy, Wh (arrived)", {n: run.metrics[n]["flight_energy_wh"] for n in names}),
-        (axes[1], "score (0 direct flight, 1 grid optimum)", run.scores),
+        (axes[0], title, {n: run.metrics[n][metric] for n in names}),
+        (axes[1], table.score_label, run.scores),
     )
     for axis, label, values in data:
         for row, name in enumerate(names):
@@ -69,8 +78,11 @@ def distributions(run: SuiteRun) -> bytes:
         axis.set_axisbelow(True)
         for side in ("top", "right", "left"):
             axis.spines[side].set_visible(False)
-    arrived = [run.metrics[name]["success"] for name in names]
-    labels = [f"{name}\n{int(a.sum())} of {len(a)} arrived" for name, a in zip(names, arrived, strict=True)]
+    lasted = [run.metrics[name][table.lasted] for name in names]
+    labels = [
+        f"{name}\n{int(a.sum())} of {len(a)} {table.lasted_word}"
+        for name, a in zip(names, lasted, strict=True)
+    ]
     axes[0].set_yticks(range(len(names)), labels, fontsize=8)
     for axis in axes:
         axis.tick_params(axis="y", length=0)
@@ -105,9 +117,11 @@ def _strip(axis: Any, row: int, values: np.ndarray, colour: str, jitter: np.rand
 
 
 def best_and_median(run: SuiteRun, name: str) -> tuple[int, int]:
-    """Episodes of ``name`` with the best and with the median saving, those that failed last."""
-    saving = run.metrics[name]["saving_vs_direct"]
-    order = np.argsort(np.where(np.isfinite(saving), -saving, np.inf), kind="stable")
+    """Episodes of ``name`` that rank best and in the middle, those without a value last."""
+    known = run.metrics[name]
+    values = [sign * known[metric] for metric, sign in run.table.rank if metric in known]
+    ranked = next((v for v in values if np.isfinite(v).any()), values[0])
+    order = np.argsort(np.where(np.isfinite(ranked), ranked, np.inf), kind="stable")
     return int(order[0]), int(order[(len(order) - 1) // 2])
 
 
@@ -123,14 +137,14 @@ def tracks(run: SuiteRun) -> bytes:
         ):
             axis = axes[row, column]
             fastest = max(fastest, _draw_field(axis, batch, run.runs[name].worlds[episode]))
-            _draw_track(axis, batch, run, name, episode)
-            world = run.runs[name].worlds[episode]
-            outcome = batch.task.outcomes[world["outcome"]]
-            title = f"{world['flight_wh']:.1f} Wh, {world['time_s'] / 3600:.1f} h"
+            if batch.task.num_agents is None:
+                _draw_track(axis, batch, run, name, episode)
+                title = _title(batch, run.runs[name].worlds[episode])
+            else:
+                draw_team(axis, batch, run.runs[name], episode)
+                title = team_title(batch, run.runs[name], episode)
             axis.set_title(
-                f"{name + chr(10) if row == 0 else ''}{kind}: "
-                f"{title if outcome == 'goal' else outcome}\nseed {run.seeds[episode]}",
-                fontsize=8,
+                f"{name + chr(10) if row == 0 else ''}{kind}: {title}\nseed {run.seeds[episode]}", fontsize=8
             )
             axis.tick_params(labelsize=6, length=2)
             if column:
@@ -140,6 +154,11 @@ def tracks(run: SuiteRun) -> bytes:
             if row:
                 axis.set_xlabel("east, km", fontsize=7)
     return _png(figure)
+
+
+def _title(batch: WorldBatch, world: np.ndarray) -> str:
+    outcome = batch.task.outcomes[world["outcome"]]
+    return f"{world['flight_wh']:.1f} Wh, {world['time_s'] / 3600:.1f} h" if outcome == "goal" else outcome
 
 
 def _draw_field(axis: Any, batch: WorldBatch, world: np.ndarray) -> float:

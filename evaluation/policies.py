@@ -21,12 +21,41 @@ ABOUT = {
     "dr-rrt-star": "a tree of drifts and hops, grown towards the goal, improved, followed, replanned on a miss",
     "optimal": "greedy look-ahead on the least-flight-energy value function, solved on a grid",
     "ppo": "a learned network",
+    "hold": "drifts, and hops back to its start when carried too far",
+    "hdop-optimal": "hops to where the predicted error of the tracks is least, energy priced",
 }
+
+
+#: Folder of the checkpoints that ship, by task.
+_CHECKPOINTS = Path(__file__).resolve().parents[1] / "agents" / "checkpoints"
 
 
 def policy_names(task: str) -> list[str]:
     """Names of the policies of ``task``, in the order of the report."""
     return [*POLICIES[task], LEARNED]
+
+
+def shipped_names(task: str) -> list[str]:
+    """Those that run without more: ``ppo`` where a checkpoint for ``task`` ships."""
+    return [name for name in policy_names(task) if name != LEARNED or (_CHECKPOINTS / task).is_dir()]
+
+
+def policies_by_task(tasks: Sequence[str], names: Sequence[str]) -> dict[str, list[str]]:
+    """Policies of each task: of ``names`` those that it knows, all that ship by default.
+
+    Raises ``InvalidParameterError`` where no task knows a name, or ``CheckpointError``.
+    """
+    if len(tasks) == 1:
+        return {tasks[0]: find_policies(tasks[0], names)}
+    known = list(dict.fromkeys(name for task in tasks for name in policy_names(task)))
+    for name in names:
+        if ":" not in name:
+            check_choice("policy", name.partition("=")[0], known)
+    chosen = {}
+    for task in tasks:
+        theirs = [n for n in names if ":" in n or n.partition("=")[0] in policy_names(task)]
+        chosen[task] = find_policies(task, theirs) if theirs or not names else []
+    return chosen
 
 
 def find_policies(task: str, names: Sequence[str]) -> list[str]:
@@ -49,7 +78,7 @@ def find_policies(task: str, names: Sequence[str]) -> list[str]:
             raise CheckpointError(
                 f"{name}: no folder {folder!r}, expected one that train.py wrote (OUTPUT/policy)."
             )
-    return list(dict.fromkeys(names)) or policy_names(task)
+    return list(dict.fromkeys(names)) or shipped_names(task)
 
 
 def build_policy(name: str, batch: WorldBatch) -> Any:

@@ -24,8 +24,9 @@ from evaluation.markup import (
 from evaluation.published import section_in
 from evaluation.rollouts import CHUNK
 from evaluation.statistics import RESAMPLES
+from evaluation.tables import TABLES, Column, Pairing, TaskTable
 
-#: A policy that arrives less often than this competes for no energy prize.
+#: A policy that arrives (keeps its team) less often than this competes for no prize but that.
 _RELIABLE = 0.9
 
 
@@ -41,22 +42,23 @@ def render(run: Benchmark) -> str:
     title = f"AquaQuad Envs: {run.task}"
     state = "" if run.complete else ' <b class="warn">Not complete: the run was interrupted.</b>'
     links = "".join(
-        f'<a href="#{escape(part.suite.name)}">{escape(part.suite.name)}</a>' for part in run.runs
+        f'<a href="#{escape(_anchor(part, run.several))}">{escape(_anchor(part, run.several))}</a>'
+        for part in run.runs
     )
+    policies = list(dict.fromkeys(name for task in run.tasks for name in run.policies_of(task)))
     body = [
         f"<h1>{escape(title)}</h1>",
-        f'<p class="lead">{_count(run.policies, "policy", "policies")} on {_count(run.runs, "suite", "suites")}, '
+        f'<p class="lead">{_count(policies, "policy", "policies")} on {_count(run.runs, "suite", "suites")}, '
         f"{sum(len(part.seeds) for part in run.runs)} seeds, every policy on the same ones. "
         f"{escape(run.manifest['started'])}, {run.wall_s:.0f} s.{state}</p>",
         f'<nav>{links}<a href="#knowledge">what policies knew</a><a href="#method">method</a>'
         '<a href="#run">this run</a></nav>',
-        "<h2>Scores</h2><p class='soft'>0 is direct flight, 1 the least flight energy on the true current.</p>",
-        _overview(run),
-        *(_suite(part) for part in run.runs),
+        *(_overview(run, task) for task in run.tasks),
+        *(_suite(part, run.several) for part in run.runs),
         _published(run),
         '<h2 id="knowledge">What each policy was allowed to know</h2>',
         _knowledge(run),
-        f'<h2 id="method">Units and method</h2>{_notes()}',
+        f'<h2 id="method">Units and method</h2>{_notes(run)}',
         '<h2 id="run">This run</h2>',
         _manifest(run),
     ]
@@ -72,9 +74,19 @@ def _published(run: Benchmark) -> str:
     return "" if found is None else f'<h2 id="published">Published tables</h2>{found}'
 
 
-def _notes() -> str:
-    text = resources.files("evaluation").joinpath("notes.html").read_text(encoding="utf-8")
-    return Template(text).substitute(RESAMPLES=RESAMPLES, CHUNK=CHUNK, RELIABLE=round(100 * _RELIABLE))
+def _anchor(part: SuiteRun, several: bool) -> str:
+    """A suite's name on the page: with its task's where there are several."""
+    return f"{part.suite.task}-{part.suite.name}" if several else part.suite.name
+
+
+def _notes(run: Benchmark) -> str:
+    values = {"RESAMPLES": RESAMPLES, "CHUNK": CHUNK, "RELIABLE": round(100 * _RELIABLE)}
+    parts = []
+    for task in run.tasks:
+        text = resources.files("evaluation").joinpath(TABLES[task].notes).read_text(encoding="utf-8")
+        head = f"<h3>{escape(task)}</h3>" if run.several else ""
+        parts.append(head + Template(text).substitute(values))
+    return "\n".join(parts)
 
 
 def _name(policy: str) -> str:
@@ -82,12 +94,14 @@ def _name(policy: str) -> str:
     return f'<i class="swatch" style="background:{colour}"></i>{escape(policy)}'
 
 
-def _overview(run: Benchmark) -> str:
-    entries = {(part.suite.name, entry["policy"]): entry for part in run.runs for entry in part.entries}
-    suites = [part.suite.name for part in run.runs]
-    top = {suite: _top([entries.get((suite, p), {}).get("score") for p in run.policies]) for suite in suites}
+def _overview(run: Benchmark, task: str) -> str:
+    parts = [part for part in run.runs if part.suite.task == task]
+    entries = {(part.suite.name, entry["policy"]): entry for part in parts for entry in part.entries}
+    suites = [part.suite.name for part in parts]
+    policies = run.policies_of(task)
+    top = {suite: _top([entries.get((suite, p), {}).get("score") for p in policies]) for suite in suites}
     rows = []
-    for policy in run.policies:
+    for policy in policies:
         cells = [_name(policy)]
         for suite in suites:
             entry = entries.get((suite, policy))
@@ -97,7 +111,9 @@ def _overview(run: Benchmark) -> str:
             best = entry["score"] == top[suite]
             cells.append(with_range(number(entry["score"]), entry["score_summary"]["ci95"], best=best))
         rows.append(cells)
-    return table(["policy", *map(escape, suites)], rows)
+    title = f"Scores: {escape(task)}" if run.several else "Scores"
+    head = f"<h2>{title}</h2><p class='soft'>{escape(TABLES[task].score_ends)}</p>\n"
+    return head + table(["policy", *map(escape, suites)], rows)
 
 
 def _top(values: list[float | None]) -> float | None:
@@ -105,10 +121,11 @@ def _top(values: list[float | None]) -> float | None:
     return max((value for value in values if value is not None and value == value), default=None)
 
 
-def _suite(run: SuiteRun) -> str:
+def _suite(run: SuiteRun, several: bool = False) -> str:
     name = run.suite.name
+    anchor = escape(_anchor(run, several))
     parts = [
-        f'<h2 id="{escape(name)}">{escape(name)}</h2>',
+        f'<h2 id="{anchor}">{anchor}</h2>',
         f"<p>{escape(run.suite.about[0].upper() + run.suite.about[1:])}.",
     ]
     parts.append(f' <span class="soft">{len(run.seeds)} episodes, seeds {_seed_range(run)}.</span></p>')
@@ -116,7 +133,7 @@ def _suite(run: SuiteRun) -> str:
     if run.error is not None:
         return "".join(parts) + f'<p class="warn">This suite could not run: {escape(run.error)}</p>'
     finished = [entry for entry in run.entries if "error" not in entry]
-    parts.append(_main_table(finished))
+    parts.append(_main_table(finished, run.table))
     for entry in run.entries:
         if "error" in entry:
             error = entry["error"]
@@ -129,7 +146,7 @@ def _suite(run: SuiteRun) -> str:
     parts.append(
         picture(
             figures.distributions(run),
-            f"Flight energy and score of each policy on {name}",
+            f"{run.table.distribution_title} {name}",
             "A dot is an episode, the bar the middle half, the stroke the median, the diamond the mean. "
             "Scores below −1 are drawn at −1.",
         )
@@ -138,13 +155,11 @@ def _suite(run: SuiteRun) -> str:
         picture(
             figures.tracks(run),
             f"Best and median track of each policy on {name}",
-            "The best and the median episode of each policy by saving (failures last). Blue: drift, one piece a "
-            "decision; orange dashes: flight. Circle: start; star: goal; cross: where a failed episode ended. Grey "
-            "shade and arrows: the true current halfway through the episode; dark: obstacles.",
+            run.table.tracks_caption,
         )
     )
     if run.suite.stratified:
-        parts += ["<h3>By difficulty</h3>", _strata_table(finished)]
+        parts += ["<h3>By difficulty</h3>", _strata_table(finished, run.table)]
     if run.pairs:
         title = "Paired differences between policies on the same seeds"
         parts.append(folded(title, _paired_table(run)))
@@ -161,96 +176,101 @@ def _seed_range(run: SuiteRun) -> str:
     return f"{run.seeds.min()} to {run.seeds.max()}"
 
 
-def _cells(entry: dict[str, Any], top: dict[str, float | None]) -> list[str]:
-    """The columns that the main table and the strata share."""
-    metrics = entry["metrics"]
-    success, energy = metrics["success"], metrics["flight_energy_wh"]
+def _statistic(entry: dict[str, Any], column: Column) -> float | None:
+    """What ``column`` shows of ``entry``."""
+    return entry["score"] if column.metric == "score" else entry["metrics"][column.metric][column.statistic]
+
+
+def _cell(entry: dict[str, Any], column: Column, top: float | None) -> str:
+    def shown(value: float | None) -> str:
+        if column.percent:
+            return percent(value)
+        return number(None if value is None else value / column.scale, column.digits)
+
+    value = _statistic(entry, column)
+    if not column.interval:
+        return shown(value)
+    found = entry["score_summary"] if column.metric == "score" else entry["metrics"][column.metric]
+    bounds = found["iqm_ci95" if column.statistic == "iqm" else "ci95"]
+    return with_range(shown(value), bounds, shown, best=top is not None and value == top)
+
+
+def _best(entries: list[dict[str, Any]], column: Column, lasted: str) -> float | None:
+    """The best value of a column; for some of them only policies count that nearly always last."""
+    if column.better is None:
+        return None
+    if column.reliable:
+        entries = [entry for entry in entries if entry["metrics"][lasted]["mean"] >= _RELIABLE]
+    sign = -1.0 if column.better == "less" else 1.0
+    values = [_statistic(entry, column) for entry in entries]
+    top = _top([None if value is None else sign * value for value in values])
+    return None if top is None else sign * top
+
+
+def _columns(entries: list[dict[str, Any]], columns: tuple[Column, ...]) -> list[Column]:
+    """``columns`` without those optional ones that no policy fills."""
     return [
-        with_range(
-            percent(success["mean"]), success["ci95"], percent, best=success["mean"] == top["success"]
-        ),
-        with_range(number(energy["mean"]), energy["ci95"], best=energy["mean"] == top["mean"]),
-        with_range(number(energy["iqm"]), energy["iqm_ci95"], best=energy["iqm"] == top["iqm"]),
-        percent(metrics["saving_vs_direct"]["mean"]),
-        percent(metrics["optimality_gap"]["mean"]),
-        with_range(
-            number(entry["score"]), entry["score_summary"]["ci95"], best=entry["score"] == top["score"]
-        ),
+        column
+        for column in columns
+        if not column.optional or _top([_statistic(entry, column) for entry in entries]) is not None
     ]
 
 
-_HEAD = (
-    "arrived",
-    "flight energy, Wh<br>mean",
-    "flight energy, Wh<br>IQM",
-    "saving",
-    "gap to<br>optimum",
-    "score",
-)
-
-
-def _tops(entries: list[dict[str, Any]]) -> dict[str, float | None]:
-    reliable = [entry for entry in entries if entry["metrics"]["success"]["mean"] >= _RELIABLE]
-    least = {}
-    for key in ("mean", "iqm"):
-        low = _top([-entry["metrics"]["flight_energy_wh"][key] for entry in reliable])
-        least[key] = None if low is None else -low
-    return {
-        **least,
-        "success": _top([entry["metrics"]["success"]["mean"] for entry in entries]),
-        "score": _top([entry["score"] for entry in entries]),
-    }
-
-
-def _main_table(entries: list[dict[str, Any]]) -> str:
-    top = _tops(entries) if entries else {}
+def _main_table(entries: list[dict[str, Any]], shown: TaskTable) -> str:
+    columns = _columns(entries, shown.main)
+    tops = [_best(entries, column, shown.lasted) for column in columns]
     rows = [
         [
             _name(entry["policy"]),
-            *_cells(entry, top),
-            number(entry["metrics"]["duration_s"]["mean"] / 3600, 1),
+            *(_cell(entry, column, top) for column, top in zip(columns, tops, strict=True)),
             number(entry["planning_ms_per_decision"], 3),
             number(entry["decisions_per_episode"], 0),
         ]
         for entry in entries
     ]
-    return table(["policy", *_HEAD, "duration, h", "planning,<br>ms a decision", "decisions"], rows)
+    heads = [column.heading for column in columns]
+    return table(["policy", *heads, "planning,<br>ms a decision", "decisions"], rows)
 
 
-def _strata_table(entries: list[dict[str, Any]]) -> str:
+def _strata_table(entries: list[dict[str, Any]], shown: TaskTable) -> str:
+    columns = _columns(entries, shown.main[: shown.strata])
     rows = []
     for stratum in entries[0]["strata"]:
         parts = [entry["strata"][stratum] for entry in entries]
-        top = _tops(parts)
+        tops = [_best(parts, column, shown.lasted) for column in columns]
         for entry, part in zip(entries, parts, strict=True):
-            rows.append(
-                [f"{escape(stratum)}", _name(entry["policy"]), str(part["episodes"]), *_cells(part, top)]
-            )
-    return table(["stratum", "policy", "episodes", *_HEAD], rows, text=(1,))
+            cells = [_cell(part, column, top) for column, top in zip(columns, tops, strict=True)]
+            rows.append([f"{escape(stratum)}", _name(entry["policy"]), str(part["episodes"]), *cells])
+    heads = [column.heading for column in columns]
+    return table(["stratum", "policy", "episodes", *heads], rows, text=(1,))
 
 
 def _paired_table(run: SuiteRun) -> str:
+    # A metric that no policy of a suite has is not compared, unless it is the only one.
+    pairings = [
+        p
+        for p in run.table.pairings
+        if len(run.table.pairings) == 1 or any(pair[p.metric]["n"] for pair in run.pairs)
+    ]
+    score = Pairing(
+        metric="score", less_is_better=False,
+        headings=("seeds", "score:<br>first − second", "first scores<br>higher"),
+    )  # fmt: skip
     rows = []
     for pair in run.pairs:
-        energy, score = pair["flight_energy_wh"], pair["score"]
-        rows.append(
-            [
-                f"{_name(pair['a'])} against {_name(pair['b'])}",
-                str(energy["n"]),
-                with_range(number(energy["difference"]), energy["ci95"]),
+        cells = [f"{_name(pair['a'])} against {_name(pair['b'])}"]
+        for pairing in [*pairings, score]:
+            found, digits = pair[pairing.metric], pairing.digits
+            cells += [
+                str(found["n"]),
                 with_range(
-                    percent(energy["probability_of_improvement"]), energy["probability_ci95"], percent
+                    number(found["difference"], digits), [*found["ci95"]], lambda v, d=digits: number(v, d)
                 ),
-                str(score["n"]),
-                with_range(number(score["difference"]), score["ci95"]),
-                with_range(percent(score["probability_of_improvement"]), score["probability_ci95"], percent),
+                with_range(percent(found["probability_of_improvement"]), found["probability_ci95"], percent),
             ]
-        )
-    head = [
-        "first against second", "seeds both<br>arrived on", "energy, Wh:<br>first − second", "first flies<br>on less",
-        "seeds", "score:<br>first − second", "first scores<br>higher",
-    ]  # fmt: skip
-    return table(head, rows)
+        rows.append(cells)
+    heads = [heading for pairing in [*pairings, score] for heading in pairing.headings]
+    return table(["first against second", *heads], rows)
 
 
 def _all_metrics(entries: list[dict[str, Any]]) -> str:
@@ -301,7 +321,7 @@ def _manifest(run: Benchmark) -> str:
     machine = {key: value for key, value in run.machine.items() if key != "packages"}
     packages = {name: version or "not installed" for name, version in run.machine["packages"].items()}
     seeds = "".join(
-        f"<h3>{escape(part.suite.name)}</h3><p><code>{escape(part.suite.params)}</code></p>"
+        f"<h3>{escape(_anchor(part, run.several))}</h3><p><code>{escape(part.suite.params)}</code></p>"
         f"<p><code>{' '.join(map(str, part.seeds))}</code></p>"
         for part in run.runs
     )
@@ -312,6 +332,13 @@ def _manifest(run: Benchmark) -> str:
     )
 
 
+def _terminal(found: dict[str, Any], form: str) -> str:
+    """One cell on the terminal: "percent" of a mean, "ci95", or a statistic by its name."""
+    if form == "percent":
+        return percent(found["mean"])
+    return "…".join(map(number, found["ci95"])) if form == "ci95" else number(found[form])
+
+
 def print_summary(run: Benchmark, console: Any) -> None:
     """One table a suite on the terminal."""
     from rich.markup import escape as plain
@@ -319,22 +346,24 @@ def print_summary(run: Benchmark, console: Any) -> None:
 
     for part in run.runs:
         if part.error is not None:
-            console.print(f"[red]{part.suite.name}: {plain(part.error)}[/red]", soft_wrap=True)
+            console.print(f"[red]{_anchor(part, run.several)}: {plain(part.error)}[/red]", soft_wrap=True)
             continue
-        shown = Table(title=f"{part.suite.name}, {len(part.seeds)} episodes", title_justify="left")
+        shown = Table(title=f"{_anchor(part, run.several)}, {len(part.seeds)} episodes", title_justify="left")
         shown.add_column("policy")
-        for head in ("arrived", "energy Wh", "95 %", "IQM", "saving", "score", "ms/decision"):
+        finished = [entry for entry in part.entries if "error" not in entry]
+        kept = {column.metric for column in _columns(finished, part.table.main)}
+        shown_of = [item for item in part.table.terminal if item[1] in kept]
+        for head, *_ in shown_of:
+            shown.add_column(head, justify="right")
+        for head in ("score", "ms/decision"):
             shown.add_column(head, justify="right")
         for entry in part.entries:
             if "error" in entry:
                 shown.add_row(entry["policy"], "[red]did not run[/red]")
                 continue
-            energy, metrics = entry["metrics"]["flight_energy_wh"], entry["metrics"]
             shown.add_row(
-                entry["policy"], percent(metrics["success"]["mean"]), number(energy["mean"]),
-                f"{number(energy['ci95'][0])}…{number(energy['ci95'][1])}", number(energy["iqm"]),
-                percent(metrics["saving_vs_direct"]["mean"]), number(entry["score"]),
-                number(entry["planning_ms_per_decision"], 3),
+                entry["policy"], *(_terminal(entry["metrics"][metric], form) for _, metric, form in shown_of),
+                number(entry["score"]), number(entry["planning_ms_per_decision"], 3),
             )  # fmt: skip
         console.print(shown)
         for entry in part.entries:

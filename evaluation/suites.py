@@ -83,6 +83,17 @@ def frozen_strata() -> dict[str, list[int]]:
     return {name: strata[name] for name in STRATA}
 
 
+def _placement(name: str, about: str, episodes: int, **params: Any) -> Suite:
+    return Suite(task="sensor-placement", name=name, about=about, params=params, episodes=episodes)
+
+
+_WATERS = {
+    "calm": "without current",
+    "vortex": "in the published vortex with its 2 km square obstacle",
+    "gyres": "in random divergence-free currents that change with time, with obstacles",
+}
+_MEASURED = {"bearing": "bearings", "range": "ranges", "tdoa": "time differences of arrival"}
+
 #: Suites by task, in the order of the report. ``file`` needs a file and joins when one is given.
 SUITES: dict[str, tuple[Suite, ...]] = {
     "drift-hop": (
@@ -109,20 +120,69 @@ SUITES: dict[str, tuple[Suite, ...]] = {
             about="currents of an ocean model from a NetCDF file, land as obstacles, random starts and goals",
         ),
     ),
+    "sensor-placement": (
+        *(
+            _placement(
+                f"{water}-{kind}", f"four vehicles track one target by {measured} {where}", 12, scenario=water,
+                measurement=kind,
+            )
+            for water, where in _WATERS.items()
+            for kind, measured in _MEASURED.items()
+        ),
+        _placement(
+            "file", "four vehicles track one target by time differences of arrival in currents of an ocean model "
+            "from a NetCDF file, land as obstacles", 12, scenario="file",
+        ),
+        _placement(
+            "fence", "four vehicles hold a slowly moving line in the currents of gyres", 12, scenario="fence"
+        ),
+        *(
+            _placement(
+                f"grid-{n}x{n}", f"{n} steered vehicle{'s' * (n > 1)} and {n} slower target{'s' * (n > 1)}, ranges "
+                "only, no current, no energy", episodes, scenario="grid", num_vehicles=n, num_targets=n,
+            )
+            for n, episodes in ((1, 24), (3, 12), (5, 4))
+        ),
+    ),
 }  # fmt: skip
 
 
+def find_tasks(task: str | None, suites: Sequence[str] = ()) -> list[str]:
+    """``task`` alone, or where it is None the tasks that have any of ``suites``: all tasks if none is named.
+
+    Raises ``InvalidParameterError`` naming the nearest known task or suite.
+    """
+    if task is not None:
+        check_choice("task", task, TASKS)
+        return [task]
+    known = {suite.name for listed in SUITES.values() for suite in listed}
+    for name in suites:
+        check_choice("suite", name, sorted(known))
+    return [
+        name
+        for name, listed in SUITES.items()
+        if not suites or {suite.name for suite in listed} & set(suites)
+    ]
+
+
 def find_suites(
-    task: str,
+    task: str | None,
     names: Sequence[str] = (),
     *,
     currents: Sequence[Path] = (),
     center: tuple[float, float] | None = None,
 ) -> list[Suite]:
-    """Suites of ``task`` by ``names``, all that can run by default; ``currents`` feeds ``file``.
+    """Suites of ``task`` (None: of all tasks) by ``names``, all that can run by default; ``currents`` feeds ``file``.
 
     Raises ``InvalidParameterError`` naming the nearest known name, or the file that is missing.
     """
+    if task is None:
+        found = []
+        for each in find_tasks(None, names):
+            theirs = {suite.name for suite in SUITES[each]}
+            chosen = [name for name in names if name in theirs]
+            found += find_suites(each, chosen, currents=currents, center=center)
+        return found
     check_choice("task", task, TASKS)
     known = {suite.name: suite for suite in SUITES[task]}
     for name in names:

@@ -7,9 +7,9 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from aquaquad_envs.errors import InvalidActionError
-from aquaquad_envs.interfaces.spaces import action_space, check_options, observation_space
+from aquaquad_envs.interfaces.spaces import action_space, check_options, check_single, observation_space
 from aquaquad_envs.interfaces.world_view import RENDER_FPS, RENDER_MODES, WorldView
+from aquaquad_envs.tasks.batch import action_array
 
 
 class WorldEnv(gymnasium.Env):
@@ -25,6 +25,7 @@ class WorldEnv(gymnasium.Env):
     def __init__(self, task: str, render_mode: str | None = None, **params: Any) -> None:
         self.view = WorldView(task, render_mode, params)
         self.batch = self.view.batch
+        check_single(self.batch)
         self.render_mode = render_mode
         self.observation_space = observation_space(self.batch)
         self.action_space = action_space(self.batch)
@@ -38,15 +39,13 @@ class WorldEnv(gymnasium.Env):
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict]:
         """One decision. Raises ``InvalidActionError`` for a wrong shape or dtype, NaN or infinity."""
-        try:
-            action = np.asarray(action)
-        except ValueError:
-            raise InvalidActionError(
-                f"action: got rows of unequal length, expected shape {self.action_space.shape}."
-            ) from None
-        if action.shape != self.action_space.shape:
-            raise InvalidActionError(f"action: got shape {action.shape}, expected {self.action_space.shape}.")
-        reward, terminated, truncated, info = self.view.step(action)
+        action = action_array(
+            action, self.action_space.shape or (), discrete=self.batch.action_spec.table is not None
+        )
+        self.view.step(action)
+        reward, terminated, truncated, info = self.view.result()
+        if terminated or truncated:
+            info["metrics"] = self.view.metrics()
         return self.view.observation(), reward, terminated, truncated, info
 
     def render(self) -> np.ndarray | None:

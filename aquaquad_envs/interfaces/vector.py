@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from aquaquad_envs.errors import InvalidParameterError, check_choice
-from aquaquad_envs.interfaces.spaces import action_space, check_options, observation_space
+from aquaquad_envs.interfaces.spaces import action_space, check_options, check_single, observation_space
 from aquaquad_envs.tasks.batch import make_world_batch
 
 
@@ -48,6 +48,7 @@ class WorldVectorEnv(VectorEnv):
             check_choice("autoreset_mode", autoreset_mode, [mode.value for mode in AutoresetMode])
         self._mode = AutoresetMode(autoreset_mode)
         self.batch = make_world_batch(task, num_envs, threads=threads, **params)
+        check_single(self.batch)
         self.num_envs = self.batch.num_worlds
         self.metadata = {"render_modes": [], "autoreset_mode": self._mode}
         self.render_mode = None

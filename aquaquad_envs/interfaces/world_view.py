@@ -31,24 +31,32 @@ class WorldView:
         if self.render_mode == "human":
             self.draw()
 
-    def step(self, action: np.ndarray) -> tuple[float, bool, bool, dict[str, Any]]:
-        """One decision: reward, terminated, truncated, info."""
-        batch = self.batch
-        batch.step(action[None])
-        terminated, truncated = bool(batch.terminated[0]), bool(batch.truncated[0])
-        info: dict[str, Any] = {
-            "reward_terms": dict(zip(batch.task.reward_terms, batch.reward_terms[0].tolist(), strict=True)),
-            "outcome": batch.task.outcomes[batch.worlds["outcome"][0]],
-        }
-        if terminated or truncated:
-            info["metrics"] = {name: float(value[0]) for name, value in batch.metrics().items()}
+    def step(self, action: np.ndarray) -> None:
+        """One decision: ``action`` is that of the only agent, or of all of a team, (agents, ...)."""
+        self.batch.step(action[None])
         if self.render_mode == "human":
             self.draw()
-        return float(batch.rewards[0]), terminated, truncated, info
 
-    def observation(self) -> np.ndarray:
-        """A copy of the world's present observation."""
-        return self.batch.observations[0].copy()
+    def result(self, *agent: int) -> tuple[float, bool, bool, dict[str, Any]]:
+        """Reward, terminated, truncated and info of the last decision, of the team's agent ``agent``."""
+        batch, at = self.batch, (0, *agent)
+        info: dict[str, Any] = {
+            "reward_terms": dict(zip(batch.task.reward_terms, batch.reward_terms[at].tolist(), strict=True)),
+            "outcome": batch.task.outcomes[batch.outcomes[at]],
+        }
+        return float(batch.rewards[at]), bool(batch.terminated[at]), bool(batch.truncated[at]), info
+
+    def team_outcome(self) -> str:
+        """How the world ended, "running" while some agent goes on."""
+        return self.batch.task.outcomes[self.batch.worlds["outcome"][0]]
+
+    def metrics(self) -> dict[str, float]:
+        """The task's metrics of the episode so far."""
+        return {name: float(value[0]) for name, value in self.batch.metrics().items()}
+
+    def observation(self, *agent: int) -> np.ndarray:
+        """A copy of the present observation of the only agent, or the team's agent ``agent``."""
+        return self.batch.observations[(0, *agent)].copy()
 
     def draw(self) -> np.ndarray | None:
         """An RGB picture (rows, columns, 3) uint8, or None after showing it in a window."""

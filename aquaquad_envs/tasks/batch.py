@@ -26,6 +26,9 @@ Seeds = int | Sequence[int | None] | np.ndarray | None
 class WorldBatch:
     """``num_worlds`` worlds of one task.
 
+    Where the task is one of a team, all arrays but ``worlds`` have an axis of ``num_agents`` agents after
+    that of worlds.
+
     Attributes
     ----------
     worlds: structured array (num_worlds,) of the task's record; a copy of it is a snapshot.
@@ -35,7 +38,7 @@ class WorldBatch:
     ocean, constants: immutable data and scalars that the kernels read; notes: what was assumed.
 
     The arrays are reused by every step: copy what you keep. A finished world stays as it is
-    until it is reset.
+    until it is reset, and so does an agent that is done while its world goes on.
     """
 
     def __init__(self, task: Task, num_worlds: int, params: Any, *, threads: int = 1) -> None:
@@ -49,14 +52,45 @@ class WorldBatch:
         self.threads = int(threads)
         self.ocean, self.constants, self.notes = task.build(params)
         self.action_spec = task.action_spec(params)
+        self.num_agents = 1 if task.num_agents is None else int(task.num_agents(params))
+        #: Shape of one number a decision-maker: (num_worlds,), or (num_worlds, num_agents).
+        self.rows = (self.num_worlds,) if task.num_agents is None else (self.num_worlds, self.num_agents)
         self.worlds = np.zeros(num_worlds, dtype=task.world)
-        self.observations = np.zeros((num_worlds, len(task.observation_names)), dtype=np.float32)
-        self.rewards = np.zeros(num_worlds)
-        self.reward_terms = np.zeros((num_worlds, len(task.reward_terms)))
-        self.terminated = np.zeros(num_worlds, dtype=bool)
-        self.truncated = np.zeros(num_worlds, dtype=bool)
-        self._actions = np.zeros((num_worlds, self.action_spec.size))
+        self.observations = np.zeros((*self.rows, len(task.observation_names)), dtype=np.float32)
+        self.rewards = np.zeros(self.rows)
+        self.reward_terms = np.zeros((*self.rows, len(task.reward_terms)))
+        self.terminated = np.zeros(self.rows, dtype=bool)
+        self.truncated = np.zeros(self.rows, dtype=bool)
+        self._actions = np.zeros((*self.rows, self.action_spec.size))
         self._seeded = np.zeros(num_worlds, dtype=bool)
+
+    @property
+    def done(self) -> np.ndarray:
+        """Which decision-makers are terminated or truncated: bool, of shape ``rows``."""
+        return self.terminated | self.truncated
+
+    @property
+    def finished(self) -> np.ndarray:
+        """Which worlds have ended, with all their agents: bool (num_worlds,)."""
+        return np.logical_and.reduce(self.done.reshape(self.num_worlds, -1), axis=1)
+
+    @property
+    def outcomes(self) -> np.ndarray:
+        """How it ended for each decision-maker, 0 while it goes on: indices into ``task.outcomes``."""
+        if self.task.num_agents is None:
+            return self.worlds["outcome"]
+        return self.worlds["agent_outcome"][:, : self.num_agents]
+
+    @property
+    def action_shape(self) -> tuple[int, ...]:
+        """Shape of what ``step`` takes: ``rows`` of indices, or of ``size`` numbers each."""
+        return self.rows if self.action_spec.table is not None else (*self.rows, self.action_spec.size)
+
+    @property
+    def state_size(self) -> int:
+        """Numbers in the central view of a world."""
+        names = self.task.state_names
+        return self.observations[0].size if names is None else len(names(self.params))
 
     def reset(self, seeds: Seeds = None, *, mask: np.ndarray | None = None) -> np.ndarray:
         """Begin a new episode in every world, or in those where ``mask`` (num_worlds,) is true.
@@ -82,7 +116,7 @@ class WorldBatch:
         """Advance every running world by one decision and refresh the arrays.
 
         ``actions``: (num_worlds, size) finite numbers, longer than the unit disc allows are
-        shortened to it; or (num_worlds,) indices in the discrete variant. Raises
+        shortened to it; or (num_worlds,) indices in the discrete variant; of a team for each agent. Raises
         ``InvalidActionError`` naming shape, dtype or value otherwise; the worlds are then untouched.
         """
         if not self._seeded.all():
@@ -96,6 +130,17 @@ class WorldBatch:
         """The task's metrics of the episodes so far: (num_worlds,), or of the worlds where ``mask`` is true."""
         worlds = self.worlds if mask is None else self.worlds[self._checked_mask(mask)]
         return self.task.metrics(worlds, self.params)
+
+    def state(self) -> np.ndarray:
+        """The central view of each world, a fresh float32 (num_worlds, ``state_size``) in [-1, 1].
+
+        What trainers of teams may know; without one of its own, a task shows all agents' observations.
+        """
+        if self.task.state is None:
+            return self.observations.reshape(self.num_worlds, -1).copy()
+        view = np.zeros((self.num_worlds, self.state_size), dtype=np.float32)
+        self._run(self.task.state, self.worlds, view, threads=self.threads)
+        return view
 
     def take_observations(self) -> np.ndarray:
         """Hand ``observations`` over without a copy; later steps write to another array.
@@ -183,35 +228,46 @@ class WorldBatch:
 
     def _checked_actions(self, actions: Any) -> np.ndarray:
         table = self.action_spec.table
-        shape = (self.num_worlds,) if table is not None else (self.num_worlds, self.action_spec.size)
-        try:
-            actions = np.asarray(actions)
-        except ValueError:
-            raise InvalidActionError(f"action: got rows of unequal length, expected shape {shape}.") from None
-        if actions.shape != shape:
-            raise InvalidActionError(f"action: got shape {actions.shape}, expected {shape}.")
-        kind = actions.dtype.kind
+        actions = action_array(actions, self.action_shape, discrete=table is not None)
         if table is not None:
-            if kind not in "iu":
-                raise InvalidActionError(f"action: got dtype {actions.dtype}, expected whole numbers.")
             if actions.min() < 0 or actions.max() >= len(table):
                 raise InvalidActionError(
                     f"action: got {actions.min()} to {actions.max()}, expected indices in [0, {len(table) - 1}]."
                 )
             return table[actions]
-        if kind not in "fiu":
-            raise InvalidActionError(f"action: got dtype {actions.dtype}, expected real numbers.")
         self._actions[...] = actions
         if not np.abs(self._actions).max() <= _SQUARABLE:  # NaN, infinity, or a square that would overflow
             finite = np.isfinite(self._actions).all(axis=-1)
             if not finite.all():
-                bad = int(np.argmin(finite))
+                world, *agent = np.unravel_index(np.argmin(finite), self.rows)
+                whose = f" of {self.task.agent_name}_{agent[0]}" if agent else ""
                 raise InvalidActionError(
-                    f"action: got {actions[bad]} in world {bad}, expected finite numbers in [-1, 1]."
+                    f"action: got {actions[(world, *agent)]}{whose} in world {world}, "
+                    "expected finite numbers in [-1, 1]."
                 )
             largest = np.abs(self._actions).max(axis=-1, keepdims=True)
             self._actions /= np.where(largest > _SQUARABLE, largest, 1.0)
         return self._actions
+
+
+def action_array(values: Any, shape: tuple[int, ...], *, discrete: bool, agent: str = "") -> np.ndarray:
+    """``values`` as an array of ``shape`` of real numbers, or of whole ones where ``discrete``.
+
+    Raises ``InvalidActionError`` naming shape or dtype, and the ``agent`` if given, for anything else.
+    """
+    source = f" from {agent}" if agent else ""
+    try:
+        array = np.asarray(values)
+    except ValueError:
+        raise InvalidActionError(
+            f"action: got rows of unequal length{source}, expected shape {shape}."
+        ) from None
+    if array.shape != shape:
+        raise InvalidActionError(f"action: got shape {array.shape}{source}, expected {shape}.")
+    if array.dtype.kind not in ("iu" if discrete else "fiu"):
+        numbers = "whole" if discrete else "real"
+        raise InvalidActionError(f"action: got dtype {array.dtype}{source}, expected {numbers} numbers.")
+    return array
 
 
 def _pool(workers: int) -> ThreadPoolExecutor:

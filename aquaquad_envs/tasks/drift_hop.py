@@ -17,6 +17,7 @@ from aquaquad_envs.physics.grids import Grid
 from aquaquad_envs.physics.randomness import WORDS
 from aquaquad_envs.physics.vehicle import flight_energy_wh
 from aquaquad_envs.tasks import drift_hop_kernels as kernels
+from aquaquad_envs.tasks.discrete_hops import discrete_hops
 from aquaquad_envs.tasks.drift_hop_observation import OBSERVATION_NAMES
 from aquaquad_envs.tasks.scenarios import (
     SCENARIOS,
@@ -26,6 +27,7 @@ from aquaquad_envs.tasks.scenarios import (
     ScenarioSpec,
     build_bank,
 )
+from aquaquad_envs.tasks.solar import solar_table
 from aquaquad_envs.tasks.task import ActionSpec, Task
 
 _SCENARIO_DEFAULTS = {"file": {"half_width_m": 20_000.0, "horizon_s": 48 * 3600.0}}
@@ -229,43 +231,10 @@ def metrics(worlds: np.ndarray, params: Params) -> dict[str, np.ndarray]:
     }
 
 
-def _solar(params: Params, bank: ScenarioBank) -> tuple[energy.SolarCharge, float]:
-    """Charge table over the mission, and seconds of local solar time at clock 0."""
-    # Real currents bring their own place and date; the sun follows them.
-    start_time = bank.start_time or params.start_time
-    start = np.datetime64(energy.parse_start_time(start_time), "s")
-    latitude, longitude = params.latitude, params.longitude
-    if bank.center is not None:
-        latitude, longitude = bank.center
-    midnight = start.astype("datetime64[D]")
-    offset = float((start - midnight).astype(np.float64)) + longitude / 360.0 * 86400.0
-    # An action may begin just before the horizon and end after it.
-    longest = max(params.action_period_s, params.max_hop_m / params.airspeed_m_s)
-    duration = params.horizon_s + params.start_time_spread_s + longest + 3600.0
-    if params.solar == "constant":
-        return energy.constant_charge(
-            energy.PRESETS[params.energy].solar_wh_per_day, duration_s=duration
-        ), offset
-    if params.solar == "file":
-        return energy.weather_file_charge(
-            params.solar_file, start_time=start_time, duration_s=duration
-        ), offset
-    return energy.clear_sky_charge(
-        latitude=latitude, longitude=longitude, start_time=start_time, duration_s=duration
-    ), offset
-
-
-def _discrete_actions() -> np.ndarray:
-    """Hop vectors of the discrete variant: 0 drifts, then 16 headings (from east, anticlockwise) at two lengths."""
-    angle = np.arange(16) * np.pi / 8
-    ring = np.stack([np.cos(angle), np.sin(angle)], -1)
-    return np.concatenate([np.zeros((1, 2)), 0.5 * ring, ring])
-
-
 def build(params: Params) -> tuple[kernels.Ocean, kernels.Constants, tuple[str, ...]]:
     """Immutable data and scalars for the kernels, and notes on what was assumed in reading a file."""
     bank: ScenarioBank = build_bank(params.scenario_spec())
-    charge, clock_offset = _solar(params, bank)
+    charge, clock_offset = solar_table(params, bank)
     ocean = kernels.Ocean(
         velocity=bank.velocity, axes=bank.axes, clearance=bank.clearance,
         clearance_grid=Grid(*map(float, bank.clearance_grid)), scenarios=bank.scenarios,
@@ -297,7 +266,7 @@ TASK = Task(
     outcomes=kernels.OUTCOMES,
     build=build,
     action_spec=lambda params: ActionSpec(
-        size=2, table=_discrete_actions() if params.action_type == "discrete" else None
+        size=2, table=discrete_hops() if params.action_type == "discrete" else None
     ),
     reset=kernels.reset_batch,
     step=kernels.step_batch,

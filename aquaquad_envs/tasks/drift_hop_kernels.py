@@ -16,7 +16,7 @@ from aquaquad_envs.physics.currents import CurrentAxes
 from aquaquad_envs.physics.energy import balance, charge_between
 from aquaquad_envs.physics.grids import Grid
 from aquaquad_envs.physics.obstacles import clearance_at
-from aquaquad_envs.physics.randomness import uniform, uniform_in_disc
+from aquaquad_envs.physics.randomness import uniform
 from aquaquad_envs.physics.vehicle import (
     current_after,
     flight_energy_wh,
@@ -25,6 +25,7 @@ from aquaquad_envs.physics.vehicle import (
     runge_kutta,
 )
 from aquaquad_envs.tasks.drift_hop_observation import FLOAT_ROWS, INT_ROWS, hdop_of, observe_members
+from aquaquad_envs.tasks.open_water import open_water_near
 
 #: Energy unit of the reward, Wh.
 REWARD_UNIT_WH = 10.0
@@ -84,10 +85,10 @@ def reset_world(w, ocean, c):
     w.truth = scenario.truth
     w.forecast = scenario.forecast
     w.obstacle = scenario.obstacle
-    w.goal_x, w.goal_y = _open_water_near(
+    w.goal_x, w.goal_y = open_water_near(
         w.rng_initial, ocean, c, w.obstacle, scenario.goal_x, scenario.goal_y, scenario.goal_spread
     )
-    w.x, w.y = _open_water_near(
+    w.x, w.y = open_water_near(
         w.rng_initial, ocean, c, w.obstacle, scenario.start_x, scenario.start_y, scenario.start_spread
     )
     if c.start_anywhere > 0.0 and uniform(w.rng_initial) < c.start_anywhere:
@@ -113,20 +114,6 @@ def reset_world(w, ocean, c):
     w.hops = 0
     w.steps = 0
     w.outcome = RUNNING
-
-
-@kernel
-def _open_water_near(state, ocean, c, obstacle, x0, y0, spread):
-    """A point within ``spread`` of (x0, y0), in the box and in open water; (x0, y0) after 100 tries."""
-    if spread <= 0.0:
-        return x0, y0
-    for _ in range(100):
-        dx, dy = uniform_in_disc(state)
-        x, y = x0 + spread * dx, y0 + spread * dy
-        clear = clearance_at(ocean.clearance, obstacle, ocean.clearance_grid, x, y) > 0.0
-        if clear and inside_box(x, y, c.half_width):
-            return x, y
-    return x0, y0
 
 
 @kernel

@@ -23,12 +23,13 @@ class EpisodeResults:
     Parameters
     ----------
     seeds: (episodes,). worlds: records at the end of each episode, (episodes,).
-    metrics: the task's metrics by name, each (episodes,). rewards: sum of rewards, (episodes,).
-    decisions: decisions of each episode, (episodes,).
+    metrics: the task's metrics by name, each (episodes,). rewards: sum of rewards, (episodes,), of a
+        team's task (episodes, agents). decisions: decisions of each episode, (episodes,).
     planning_s: wall-clock seconds spent in the policy, all worlds together.
     track: (decisions + 1, episodes, 2) positions, m, where the record has x and y (else zeros), held after
         an episode's end; None unless asked for. flown: bool (decisions, episodes), whether that
-        piece was flown, of tasks whose record counts hops.
+        piece was flown, of tasks whose record counts hops. Of a team both have an axis of agents after
+        that of episodes.
     """
 
     seeds: np.ndarray
@@ -77,19 +78,21 @@ def rollout(
 ) -> EpisodeResults:
     """One episode in every world of ``batch``, world i from ``seeds[i]``, until all have ended.
 
-    ``policy`` has ``reset(seeds)`` and ``act(observations, worlds) -> actions``. ``on_decision`` is called
+    ``policy`` has ``reset(seeds)`` and ``act(observations, worlds) -> actions``, all of shapes as the batch
+    has them: of a team, observations (episodes, agents, n) and actions (episodes, agents, size) or indices
+    (episodes, agents); those of agents that are done are ignored but must be finite. ``on_decision`` is called
     after every decision with the number of worlds still running; what it raises ends the rollout.
     """
     seeds = np.asarray(seeds)
     batch.reset(seeds)
-    rewards = np.zeros(batch.num_worlds)
+    rewards = np.zeros(batch.rows)
     decisions = np.zeros(batch.num_worlds, dtype=np.int64)
     positions, flown = [_positions(batch)], []
     planning = 0.0
     begun = time.perf_counter()
     policy.reset(seeds)
     planning += time.perf_counter() - begun
-    running = ~(batch.terminated | batch.truncated)
+    running, alive = ~batch.finished, ~batch.done
     for _ in range(_MOST_DECISIONS):
         begun = time.perf_counter()
         actions = policy.act(batch.observations, batch.worlds)
@@ -97,11 +100,11 @@ def rollout(
         hops = _hops(batch)
         batch.step(actions)
         decisions += running
-        rewards += np.where(running, batch.rewards, 0.0)
+        rewards += np.where(alive, batch.rewards, 0.0)
         if tracks:
             positions.append(_positions(batch))
             flown.append(_hops(batch) > hops)
-        running = ~(batch.terminated | batch.truncated)
+        running, alive = ~batch.finished, ~batch.done
         if on_decision is not None:
             on_decision(int(running.sum()))
         if not running.any():
@@ -117,13 +120,17 @@ def rollout(
     )  # fmt: skip
 
 
+def _field(batch: WorldBatch, name: str, dtype: type) -> np.ndarray:
+    """A copy of a field of the records, one value a decision-maker; zeros where the task has none."""
+    if name not in (batch.worlds.dtype.names or ()):
+        return np.zeros(batch.rows, dtype=dtype)
+    values = batch.worlds[name]
+    return (values if values.ndim == 1 else values[:, : batch.num_agents]).copy()
+
+
 def _positions(batch: WorldBatch) -> np.ndarray:
-    names = batch.worlds.dtype.names or ()
-    if "x" not in names:
-        return np.zeros((batch.num_worlds, 2))
-    return np.stack([batch.worlds["x"], batch.worlds["y"]], -1)
+    return np.stack([_field(batch, "x", float), _field(batch, "y", float)], -1)
 
 
 def _hops(batch: WorldBatch) -> np.ndarray:
-    names = batch.worlds.dtype.names or ()
-    return batch.worlds["hops"].copy() if "hops" in names else np.zeros(batch.num_worlds, dtype=np.int64)
+    return _field(batch, "hops", np.int64)

@@ -12,9 +12,10 @@ import numpy as np
 
 from aquaquad_envs.errors import InvalidParameterError, check_choice
 
-#: Task name on command lines -> (registered id, agents a world may hold, module).
+#: Task name on command lines -> (registered id, "single" agent or "team", module).
 TASKS = {
     "drift-hop": ("AquaQuad/DriftHop-v0", "single", "aquaquad_envs.tasks.drift_hop"),
+    "sensor-placement": ("AquaQuad/SensorPlacement-v0", "team", "aquaquad_envs.tasks.sensor_placement"),
 }
 
 
@@ -32,7 +33,16 @@ class Task:
 
     ``reset(worlds, mask, observations, *data)`` and ``step(worlds, actions, observations, rewards,
     terms, terminated, truncated, *data)`` loop over records without the GIL; ``data`` is the first
-    two results of ``build(params)``, its third is notes.
+    two results of ``build(params)``, its third is notes. Records hold ``outcome``: 0 while the world runs,
+    else how it ended, an index into ``outcomes``.
+
+    A task of a team has ``num_agents(params)``, and after the axis of worlds its arrays have one of agents.
+    Its records also hold ``agent_outcome``, at least as long as the team. An agent that is terminated or
+    truncated is *done*: from the next step on its actions are ignored, its observation is all zeros (already
+    in that step, if the task likes), its reward is 0 and its flags stay set, until the world is reset. A
+    world is finished when all its agents are done. ``step`` tells who is done from the records alone, and
+    writes the rows of all agents. ``state(worlds, out, *data)`` writes the central view, float32 (worlds,
+    state_names) in [-1, 1].
     """
 
     name: str
@@ -46,6 +56,12 @@ class Task:
     reset: Callable[..., None]
     step: Callable[..., None]
     metrics: Callable[[np.ndarray, Any], dict[str, np.ndarray]]
+    #: None: one agent, and no axis of agents.
+    num_agents: Callable[[Any], int] | None = None
+    agent_name: str = "vehicle"
+    #: None: the central view is the agents' observations in a row.
+    state: Callable[..., None] | None = None
+    state_names: Callable[[Any], tuple[str, ...]] | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
         # A task travels between processes by its name: compiled functions stay at home.

@@ -5,6 +5,7 @@ import pytest
 
 import aquaquad_envs
 from agents.frames import Frame, vector_pairs
+from aquaquad_envs.errors import InvalidParameterError
 from aquaquad_envs.tasks.drift_hop_observation import OBSERVATION_NAMES
 
 
@@ -70,3 +71,23 @@ def test_a_turned_map_looks_the_same():
         seen.append(Frame("goal", OBSERVATION_NAMES).observe(batch.observations)[0])
     north = [OBSERVATION_NAMES.index(name) for name in ("goal direction x", "goal direction y")]
     np.testing.assert_allclose(np.delete(seen[0], north), np.delete(seen[1], north), atol=1e-5)
+
+
+def test_a_team_turns_to_its_nearest_target():
+    batch = aquaquad_envs.make_world_batch("sensor-placement", 6, scenario="calm")
+    names = batch.task.observation_names
+    rows = batch.reset(0).reshape(-1, len(names))
+    seen = Frame("goal", names).observe(rows)
+    np.testing.assert_allclose(seen[:, names.index("target 1 dy")], 0.0, atol=1e-6)
+    assert (seen[:, names.index("target 1 dx")] >= 0).all()
+    # An agent that is done sees zeros, and its actions stay as they are.
+    nothing = np.zeros((1, len(names)), np.float32)
+    assert not Frame("goal", names).observe(nothing).any()
+    np.testing.assert_allclose(Frame("goal", names).act(np.array([[0.3, -0.2]]), nothing), [[0.3, -0.2]])
+
+
+def test_refuses_unknown_frames_and_tasks_without_a_direction():
+    with pytest.raises(InvalidParameterError, match="frame"):
+        Frame("north", OBSERVATION_NAMES)
+    with pytest.raises(InvalidParameterError, match="direction"):
+        Frame("goal", ("x", "y"))

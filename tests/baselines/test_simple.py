@@ -24,9 +24,9 @@ def test_an_unknown_policy_is_refused_with_the_nearest_name():
         make_policy("direct-fligth", batch)
 
 
-@pytest.mark.parametrize("name", sorted(POLICIES["drift-hop"]))
-def test_every_policy_states_what_it_knows(name):
-    batch = make_world_batch("drift-hop", 1)
+@pytest.mark.parametrize("task, name", [(task, name) for task in POLICIES for name in sorted(POLICIES[task])])
+def test_every_policy_states_what_it_knows(task, name):
+    batch = make_world_batch(task, 1)
     assert len(make_policy(name, batch).information) > 3
 
 
@@ -66,6 +66,24 @@ def test_random_and_drift_play_the_discrete_variant():
     assert (results.worlds["flight_wh"] == 0).all(), "drift must not fly"
     with pytest.raises(InvalidParameterError, match="continuous"):
         make_policy("direct-flight", batch)
+
+
+@pytest.mark.parametrize("action_type", ["continuous", "discrete"])
+def test_random_and_drift_play_for_whole_teams(action_type):
+    small, large = (
+        make_world_batch("sensor-placement", n, scenario="calm", horizon_s=1800.0, action_type=action_type)
+        for n in (1, 3)
+    )
+    ends = []
+    for batch, seeds in ((small, [5]), (large, [4, 5, 6])):
+        policy = make_policy("random", batch)
+        results = rollout(policy, batch, seeds)
+        ends.append(results.worlds[seeds.index(5)])
+        actions = policy.act(None, batch.worlds)
+        assert actions.shape == batch.action_shape and len(np.unique(actions[0], axis=0)) > 1
+        still = rollout(make_policy("drift", batch), batch, seeds)
+        assert (still.worlds["flight_wh"] == 0).all() and (results.worlds["flight_wh"][:, :4] > 0).any()
+    assert np.array_equal(ends[0]["x"], ends[1]["x"])
 
 
 def test_drift_never_flies_and_goes_where_the_current_goes():

@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("pygame")
 
 from aquaquad_envs import make_world_batch
-from aquaquad_envs.rendering import drift_hop, make_renderer
+from aquaquad_envs.rendering import make_renderer, sea
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data" / "currents"
 SCENARIOS = {
@@ -43,8 +43,8 @@ def pixel(picture, renderer, x, y):
 
 def share_of(color, picture, tolerance=30):
     """How many pixels of the map have about this colour."""
-    sea = picture[drift_hop._HEADER : drift_hop._HEADER + drift_hop._MAP].astype(int)
-    return int((np.abs(sea - color).max(-1) <= tolerance).sum())
+    water = picture[sea.HEADER : sea.HEADER + sea.MAP].astype(int)
+    return int((np.abs(water - color).max(-1) <= tolerance).sum())
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
@@ -88,17 +88,17 @@ def test_vehicle_is_drawn_where_it_is():
     world = batch.worlds[0]
     moved(world, -3000.0, -2000.0)
     first = renderer.draw(world)
-    assert np.abs(pixel(first, renderer, -3000, -2000) - drift_hop.VEHICLE).max() < 20
+    assert np.abs(pixel(first, renderer, -3000, -2000) - sea.VEHICLE).max() < 20
     moved(world, 2500.0, 3500.0, hop=True)
     second = renderer.draw(world)
-    assert np.abs(pixel(second, renderer, 2500, 3500) - drift_hop.VEHICLE).max() < 20
-    assert np.abs(pixel(second, renderer, -3000, -2000) - drift_hop.VEHICLE).max() > 60
+    assert np.abs(pixel(second, renderer, 2500, 3500) - sea.VEHICLE).max() < 20
+    assert np.abs(pixel(second, renderer, -3000, -2000) - sea.VEHICLE).max() > 60
 
 
 def test_a_vehicle_that_left_the_box_stays_in_sight():
     batch, renderer = scene()
     moved(batch.worlds[0], 6300.0, 200.0, hop=True)
-    assert share_of(drift_hop.VEHICLE, renderer.draw(batch.worlds[0])) > 40
+    assert share_of(sea.VEHICLE, renderer.draw(batch.worlds[0])) > 40
 
 
 def test_drift_and_hop_look_different():
@@ -108,7 +108,7 @@ def test_drift_and_hop_look_different():
         renderer.draw(batch.worlds[0])
         moved(batch.worlds[0], 3000.0, 4000.0, hop=hop)
         pictures.append(renderer.draw(batch.worlds[0]))
-    drift, hop = (share_of(drift_hop.HOP, picture) for picture in pictures)
+    drift, hop = (share_of(sea.HOP, picture) for picture in pictures)
     assert drift == 0 and hop > 300
     # A drift is one line, a hop is dashed: along it the colour changes again and again.
     changes = []
@@ -124,9 +124,9 @@ def test_goal_has_its_true_radius_or_is_just_visible():
     inset = 1.5 / renderer._picture.view.pixels_per_m
     for angle in np.linspace(0, 2 * np.pi, 12):
         x, y = 3000 + (800 - inset) * np.cos(angle), -3000 + (800 - inset) * np.sin(angle)
-        assert np.abs(pixel(picture, renderer, x, y) - drift_hop.GOAL).max() < 90
+        assert np.abs(pixel(picture, renderer, x, y) - sea.GOAL).max() < 90
     batch, renderer = scene(goal_radius_m=1.0)
-    assert share_of(drift_hop.GOAL, renderer.draw(batch.worlds[0])) > 60
+    assert share_of(sea.GOAL, renderer.draw(batch.worlds[0])) > 60
 
 
 def test_obstacle_margin_and_open_water_differ():
@@ -160,11 +160,11 @@ def test_faster_water_is_darker():
 @pytest.mark.parametrize(("scenario", "changes"), [("tide", True), ("vortex", False)])
 def test_the_map_shows_the_current_of_the_present_time(scenario, changes):
     batch, renderer = scene(scenario=scenario, num_fields=1)
-    sea = slice(drift_hop._HEADER, drift_hop._HEADER + drift_hop._MAP)
-    first = renderer.draw(batch.worlds[0])[sea]
+    water = slice(sea.HEADER, sea.HEADER + sea.MAP)
+    first = renderer.draw(batch.worlds[0])[water]
     batch.worlds["time_s"] = 3 * 3600.0
     renderer.restart()
-    assert (first != renderer.draw(batch.worlds[0])[sea]).any() == changes
+    assert (first != renderer.draw(batch.worlds[0])[water]).any() == changes
 
 
 def test_the_map_shows_the_truth_not_the_forecast():
@@ -172,17 +172,17 @@ def test_the_map_shows_the_truth_not_the_forecast():
     world = batch.worlds[0]
     assert world["truth"] != world["forecast"]
     with_forecast = renderer.draw(world)
-    assert share_of(drift_hop.FORECAST, with_forecast, 12) > 100
+    assert share_of(sea.FORECAST, with_forecast, 12) > 100
     world["forecast"] = world["truth"]
     known = make_renderer(batch, "rgb_array", 10).draw(world)
-    assert share_of(drift_hop.FORECAST, known, 12) == 0
+    assert share_of(sea.FORECAST, known, 12) == 0
     # But for the arrows the map is the same: a forecast that is believed does not colour the water.
     assert (known == with_forecast).all(-1).mean() > 0.9
 
 
 def test_track_joins_hops_in_a_row_and_tells_drifts_apart():
     batch, _ = scene()
-    world, track = batch.worlds[0], drift_hop.Track()
+    world, track = batch.worlds[0], sea.Track()
     track.add(world)
     track.add(world)
     assert track.segments == []
@@ -209,13 +209,13 @@ def test_restart_forgets_the_track():
     # Also where the clock does not tell, as on a restored snapshot.
     renderer.restart()
     moved(batch.worlds[0], 3000.0, 4000.0, hop=True)
-    assert share_of(drift_hop.HOP, renderer.draw(batch.worlds[0])) == 0
+    assert share_of(sea.HOP, renderer.draw(batch.worlds[0])) == 0
 
 
 def test_outcome_and_battery_are_shown():
     batch, renderer = scene()
     world = batch.worlds[0]
-    header = slice(0, drift_hop._HEADER)
+    header = slice(0, sea.HEADER)
     pictures = [renderer.draw(world)[header]]
     world["battery_wh"] *= 0.1
     pictures.append(renderer.draw(world)[header])

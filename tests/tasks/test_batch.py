@@ -324,8 +324,8 @@ def test_every_task_names_its_columns(task):
     batch = aquaquad_envs.make_world_batch(task, 2)
     batch.reset(0)
     names = batch.task.observation_names
-    assert batch.observations.shape == (2, len(names)) and len(set(names)) == len(names)
+    assert batch.observations.shape == (*batch.rows, len(names)) and len(set(names)) == len(names)
     assert batch.observations.dtype == np.float32
-    assert len(set(batch.task.reward_terms)) == batch.reward_terms.shape[1]
+    assert len(set(batch.task.reward_terms)) == batch.reward_terms.shape[-1]
     metrics = batch.metrics()
     assert metrics and all(values.shape == (2,) for values in metrics.values())

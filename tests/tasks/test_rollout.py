@@ -5,6 +5,7 @@ import pytest
 
 from aquaquad_envs.tasks.batch import make_world_batch
 from aquaquad_envs.tasks.rollout import EpisodeResults, rollout
+from tests.interfaces.teams import TEAMS, list_toy, make_batch, random_actions
 
 
 class Hop:
@@ -79,3 +80,56 @@ def test_what_on_decision_raises_ends_the_rollout():
 
     with pytest.raises(RuntimeError, match="enough"):
         rollout(Hop(batch), batch, [0, 1], on_decision=stop)
+
+
+class Wander:
+    """Each agent of each world goes its own way, and never learns who is out."""
+
+    def __init__(self, batch):
+        self.batch = batch
+
+    def reset(self, seeds):
+        self.seeds, self.decision = seeds, -1
+
+    def act(self, observations, worlds):
+        assert observations.shape[:2] == self.batch.rows and len(worlds) == self.batch.num_worlds
+        self.decision += 1
+        return random_actions(self.batch, self.seeds, self.decision)
+
+
+@pytest.mark.parametrize("task", TEAMS)
+def test_a_teams_episode_depends_on_its_seed_alone(task, monkeypatch):
+    list_toy(monkeypatch)
+    whole = make_batch(task, 5)
+    together = rollout(Wander(whole), whole, range(5), tracks=True)
+    agents = whole.num_agents
+    assert together.rewards.shape == (5, agents) and together.decisions.shape == (5,)
+    assert together.track.shape == (together.decisions.max() + 1, 5, agents, 2)
+    assert together.flown.shape == (together.decisions.max(), 5, agents)
+    assert (together.worlds["outcome"] > 0).all()
+    assert np.ptp(together.rewards, axis=1).max() > 0 or not together.rewards.any()
+    parts = []
+    for seeds in ([0, 1, 2], [3, 4]):
+        batch = make_batch(task, len(seeds))
+        parts.append(rollout(Wander(batch), batch, seeds, tracks=True))
+    joined = EpisodeResults.join(parts)
+    assert joined.worlds.tobytes() == together.worlds.tobytes()
+    for name in ("seeds", "decisions", "rewards", "track", "flown"):
+        assert np.array_equal(getattr(joined, name), getattr(together, name)), name
+
+
+def test_a_teams_rewards_are_those_of_its_episode(monkeypatch):
+    list_toy(monkeypatch)
+    batch = make_batch("toy-team", 4)
+    results = rollout(Wander(batch), batch, range(4), tracks=True)
+    worlds = results.worlds
+    assert np.array_equal(results.decisions, worlds["steps"])
+    assert np.array_equal(results.flown.sum(0), worlds["hops"][:, :3])
+    assert np.array_equal(results.track[-1], np.stack([worlds["x"], worlds["y"]], -1)[:, :3])
+    # What a battery lost beyond 1 a decision was moved; the loss of an agent costs 5.
+    lost = worlds["agent_outcome"][:, :3] == 1
+    again = make_batch("toy-team", 4)
+    again.reset(range(4))
+    lasted = (np.abs(np.diff(results.track, axis=0)).sum(-1) > 0).sum(0)
+    moved = again.worlds["battery"][:, :3] - worlds["battery"][:, :3] - lasted
+    assert results.rewards == pytest.approx(-moved - 5.0 * lost)
