@@ -132,7 +132,8 @@ def sensor_placement_recipe(scenario: str, algorithm: str) -> Recipe:
     """The recipe of sensor placement in ``scenario`` with TDOA: "ppo" (parameters shared) or "mappo"."""
     check_choice("scenario", scenario, ("calm", "vortex", "gyres"))
     check_choice("algorithm", algorithm, ("ppo", "mappo"))
-    params: dict[str, Any] = {"scenario": scenario, "measurement": "tdoa"}
+    # A lost vehicle costs more in training: survivors are what most separates a learned team from the planner's.
+    params: dict[str, Any] = {"scenario": scenario, "measurement": "tdoa", "failure_penalty": 20.0}
     fields = {"field_seed": 1, "num_fields": 512} if scenario == "gyres" else {}
     checks = {"field_seed": 2, "num_fields": 200} if scenario == "gyres" else {}
     return Recipe(

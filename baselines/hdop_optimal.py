@@ -93,7 +93,7 @@ class HdopOptimal:
         for k in np.flatnonzero(worlds["outcome"] == RUNNING):
             self._decide(worlds[k], actions[k])
             if self.routes is not None:
-                self.routes.redirect(k, worlds[k], self._goals(), actions[k])
+                self.routes.redirect(int(k), worlds[k], self._goals(), actions[k])
         return actions
 
     def _goals(self) -> np.ndarray:

@@ -1,8 +1,8 @@
 """What ``hdop-optimal`` minimises, and the descent over vehicles; compiled.
 
 The tracker's covariance P is carried on over the look-ahead, decision by decision: P ← Φ P Φᵀ + Q, then
-P ← (P⁻¹ + J)⁻¹ with the position information J that the team would gather where its paths lead (the sum that HDOP inverts). The
-cost is
+P ← (P⁻¹ + J)⁻¹ with the position information J that the team would gather where its paths lead (the sum that
+HDOP inverts). The cost is
 
     ½ ln(mean of trace P_position) + 3 · mean of (1 - coverage of the fence) + price · flight energy,
 
