@@ -1,8 +1,8 @@
 """``hdop-optimal``: hops to where the team's predicted position error is least, energy priced.
 
-Every decision anew, for each world: every vehicle has a fan of places, near and several hops away, and
-the path to each (:mod:`baselines.hdop_optimal_paths`). A place a vehicle is chosen by descent, one after another, on
-the predicted error over the look-ahead (:mod:`baselines.hdop_optimal_cost`), from two starts: all drift on; and an even
+Every decision anew, for each world: every vehicle has a fan of places, near and several hops away, and the path to each
+(:mod:`baselines.hdop_optimal_paths`). One place a vehicle is chosen by descent, vehicle after vehicle, on the
+predicted error over the look-ahead (:mod:`baselines.hdop_optimal_cost`), from two starts: all drift on; and an even
 spread about the targets (or along the fence), whose places are assigned to vehicles for the least distance
 (``scipy.optimize.linear_sum_assignment``). The places found are at last assigned anew likewise, if that costs
 less. The first hop of each path is made.
@@ -43,8 +43,8 @@ class HdopOptimal:
     ----------
     price_per_wh: what a Wh of flight must gain, as a share of the predicted RMSE (or of the fence).
     margin_m: clearance that landings and drifts keep. reserve: share of the battery that is never flown.
-    through: "hops", straight and one after another; or "dr-rrt-star", places further than one hop are made for on
-        routes of drifts and hops where these need less energy.
+    through: "hops", straight and one after another; or "dr-rrt-star", places further than one hop are made for
+        on routes of drifts and hops where these need less energy.
 
     Seeds of :meth:`reset` decide what ``dr-rrt-star`` draws.
     """

@@ -56,8 +56,8 @@ class Beliefs(NamedTuple):
 def add_information(covariance, columns, a, b, d):
     """P ← (P⁻¹ + J)⁻¹ with J = [[a, b], [b, d]] on the position, in place; ``columns`` (n, 2) is scratch.
 
-    By the matrix inversion lemma P ← P - P_·p M P_p·, M = (1 + J P_pp)⁻¹ J, which takes a singular J too. For plans:
-    the filters and the bound keep to square roots.
+    By the matrix inversion lemma P ← P - P_·p M P_p·, M = (1 + J P_pp)⁻¹ J, which takes a singular J too. For
+    plans: the filters and the bound keep to square roots.
     """
     n = covariance.shape[0]
     p, q, r = covariance[0, 0], covariance[0, 1], covariance[1, 1]

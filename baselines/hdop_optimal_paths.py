@@ -1,7 +1,7 @@
 """Where a vehicle of ``hdop-optimal`` would be, decision by decision, were it to make for a place; compiled.
 
-Each decision the vehicle hops towards the place, at most the longest hop, and drifts on the forecast for the rest of
-the period; once it has landed on the place it only drifts. A steered vehicle goes there and stays.
+Each decision the vehicle hops towards the place, at most the longest hop, and drifts on the forecast for the
+rest of the period; once it has landed on the place it only drifts. A steered vehicle goes there and stays.
 """
 
 from __future__ import annotations

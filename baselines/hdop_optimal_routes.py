@@ -1,8 +1,8 @@
 """Far places by way of the current: ``hdop-optimal`` on routes of drifts and hops that DR-RRT* plans.
 
-A place beyond one hop need not be flown to at once. Where a plan (:func:`baselines.dr_rrt_star.plan`) needs less flight
-energy than the straight flight, the vehicle follows it until it ends, misses its watch circle, leads into danger, or
-the place wanted has moved away.
+A place beyond one hop need not be flown to at once. Where a plan (:func:`baselines.dr_rrt_star.plan`) needs less
+flight energy than the straight flight, the vehicle follows it until it ends, misses its watch circle, leads into
+danger, or the place wanted has moved away.
 """
 
 from __future__ import annotations

@@ -117,11 +117,13 @@ def _strip(axis: Any, row: int, values: np.ndarray, colour: str, jitter: np.rand
 
 
 def best_and_median(run: SuiteRun, name: str) -> tuple[int, int]:
-    """Episodes of ``name`` that rank best and in the middle, those without a value last."""
+    """Episodes of ``name`` that rank best and in the middle, those that failed last."""
     known = run.metrics[name]
     values = [sign * known[metric] for metric, sign in run.table.rank if metric in known]
     ranked = next((v for v in values if np.isfinite(v).any()), values[0])
-    order = np.argsort(np.where(np.isfinite(ranked), ranked, np.inf), kind="stable")
+    ranked = np.where(np.isfinite(ranked), ranked, np.inf)
+    lasted = known.get(run.table.lasted)
+    order = np.lexsort((ranked, np.zeros(len(ranked)) if lasted is None else lasted != 1))
     return int(order[0]), int(order[(len(order) - 1) // 2])
 
 

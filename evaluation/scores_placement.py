@@ -1,7 +1,7 @@
 """The two ends of the score of sensor placement, computed on the very seeds that are scored.
 
-0 is ``hold``, tracked in the same worlds; 1 the posterior Cramér–Rao bound along the tracks of a team that knows where
-the targets are (``baselines.hdop_optimal.KnownTargets``). Of a fence without targets 1 is full coverage.
+0 is ``hold``, tracked in the same worlds; 1 the posterior Cramér–Rao bound along the tracks of a team that knows
+where the targets are (``baselines.hdop_optimal.KnownTargets``). Of a fence without targets 1 is full coverage.
 Nothing is typed in.
 """
 

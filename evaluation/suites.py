@@ -130,16 +130,16 @@ SUITES: dict[str, tuple[Suite, ...]] = {
             for kind, measured in _MEASURED.items()
         ),
         _placement(
-            "file", "four vehicles track one target by time differences of arrival in currents of an ocean model "
-            "from a NetCDF file, land as obstacles", 12, scenario="file",
+            "file", "four vehicles track one target by time differences of arrival in currents of an ocean model from "
+            "a NetCDF file, land as obstacles", 12, scenario="file",
         ),
         _placement(
             "fence", "four vehicles hold a slowly moving line in the currents of gyres", 12, scenario="fence"
         ),
         *(
             _placement(
-                f"grid-{n}x{n}", f"{n} steered vehicle{'s' * (n > 1)} and {n} slower target{'s' * (n > 1)}, ranges "
-                "only, no current, no energy", episodes, scenario="grid", num_vehicles=n, num_targets=n,
+                f"grid-{n}x{n}", f"{n} steered vehicle{'s' * (n > 1)} and {n} slower target{'s' * (n > 1)}, "
+                "ranges only, no current, no energy", episodes, scenario="grid", num_vehicles=n, num_targets=n,
             )
             for n, episodes in ((1, 24), (3, 12), (5, 4))
         ),

@@ -140,9 +140,8 @@ TABLES: dict[str, TaskTable] = {
         rank=(("tracking_rmse_m", 1), ("coverage", -1)),
         tracks_caption="The best and the median episode of each policy by tracking RMSE (fence: coverage). Each "
         "vehicle in its own colour, flights dashed, circle: start, dot: end (cross: lost). Black: the target's track, "
-        "star: its end; orange plus and ellipse: estimate at the end and its 95 %. Green: the fence at the end. "
-        "Grey shade and "
-        "arrows: the true current halfway through the episode; dark: obstacles.",
+        "star: its end; orange plus and ellipse: estimate at the end and its 95 %. Green: the fence at the end. Grey "
+        "shade and arrows: the true current halfway through the episode; dark: obstacles.",
         main=(
             Column(
                 metric="survived", heading="kept<br>the team", better="more", interval=True, percent=True

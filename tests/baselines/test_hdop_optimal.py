@@ -120,15 +120,17 @@ def test_it_never_takes_the_whole_team_out_of_hearing_of_a_wide_track():
     batch = scene(measurement="bearing")
     place(batch, [(3000.0, 0.0), (0.0, 3000.0), (-3000.0, 0.0), (0.0, -3000.0)], (0.0, 0.0), std=500.0)
     action = act(batch, price_per_wh=0.0)[1][0]
-    assert (~action.any(-1)).sum() >= 2, "two bearings at least make a fix"
+    flying_s = np.hypot(*action.T) * batch.params.max_hop_m / batch.params.airspeed_m_s
+    sub_step_s = batch.params.action_period_s / batch.params.sub_steps
+    assert (flying_s <= sub_step_s).sum() >= 2, "two bearings at least make a fix"
 
 
 def test_landings_and_drifts_stay_in_open_water():
     for scenario in ("vortex", "gyres"):
         batch = aquaquad_envs.make_world_batch(
-            "sensor-placement", 12, scenario=scenario, measurement="bearing", num_fields=12, field_seed=3
+            "sensor-placement", 6, scenario=scenario, measurement="bearing", num_fields=12, field_seed=3
         )
-        result = rollout(make_policy("hdop-optimal", batch), batch, SEEDS)
+        result = rollout(make_policy("hdop-optimal", batch), batch, SEEDS[:6])
         outcomes = result.worlds["agent_outcome"][:, :4]
         assert (outcomes == TIME_OUT).mean() > 0.98
 
@@ -145,7 +147,7 @@ def test_the_battery_is_kept():
 @pytest.mark.parametrize("kind", ["bearing", "tdoa"])
 def test_it_beats_hold_and_comes_near_the_bound(kind):
     batch = aquaquad_envs.make_world_batch(
-        "sensor-placement", 12, scenario="vortex", measurement=kind, field_seed=3
+        "sensor-placement", 12, scenario="vortex", measurement=kind, horizon_s=7200.0
     )
     held = rollout(make_policy("hold", batch), batch, SEEDS).metrics
     found = rollout(make_policy("hdop-optimal", batch), batch, SEEDS).metrics
@@ -179,14 +181,14 @@ def test_worlds_do_not_depend_on_each_other():
 
 def test_a_fence_is_covered():
     batch = aquaquad_envs.make_world_batch(
-        "sensor-placement", 6, scenario="fence", num_fields=6, field_seed=3
+        "sensor-placement", 3, scenario="fence", num_fields=6, field_seed=3
     )
-    assert rollout(make_policy("hdop-optimal", batch), batch, SEEDS[:6]).metrics["coverage"].mean() > 0.8
-    assert rollout(make_policy("hold", batch), batch, SEEDS[:6]).metrics["coverage"].mean() < 0.4
+    assert rollout(make_policy("hdop-optimal", batch), batch, SEEDS[:3]).metrics["coverage"].mean() > 0.8
+    assert rollout(make_policy("hold", batch), batch, SEEDS[:3]).metrics["coverage"].mean() < 0.4
 
 
 def test_steered_vehicles_find_their_targets():
-    batch = aquaquad_envs.make_world_batch("sensor-placement", 4, scenario="grid")
+    batch = aquaquad_envs.make_world_batch("sensor-placement", 4, scenario="grid", horizon_s=1800.0)
     held = rollout(make_policy("hold", batch), batch, SEEDS[:4]).metrics
     found = rollout(make_policy("hdop-optimal", batch), batch, SEEDS[:4]).metrics
     assert found["mean_hdop"].mean() < 0.85 * held["mean_hdop"].mean()
@@ -219,14 +221,14 @@ def test_assignment_is_the_least_of_all():
 
 
 def test_routes_of_dr_rrt_star_need_less_energy():
-    batch = aquaquad_envs.make_world_batch("sensor-placement", 10, scenario="vortex", measurement="bearing")
+    batch = aquaquad_envs.make_world_batch("sensor-placement", 6, scenario="vortex", measurement="bearing")
     policy = make_policy("hdop-optimal", batch, through="dr-rrt-star")
-    routed = rollout(policy, batch, SEEDS[:10])
-    straight = rollout(make_policy("hdop-optimal", batch), batch, SEEDS[:10])
+    routed = rollout(policy, batch, SEEDS[:6])
+    straight = rollout(make_policy("hdop-optimal", batch), batch, SEEDS[:6])
     assert policy.routes.taken.sum() > 0
     assert (routed.worlds["agent_outcome"][:, :4] == TIME_OUT).all()
     assert routed.metrics["flight_energy_wh"].mean() < straight.metrics["flight_energy_wh"].mean()
-    again = rollout(policy, batch, SEEDS[:10])
+    again = rollout(policy, batch, SEEDS[:6])
     np.testing.assert_array_equal(again.worlds["x"], routed.worlds["x"])
 
 
