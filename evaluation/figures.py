@@ -130,7 +130,7 @@ def best_and_median(run: SuiteRun, name: str) -> tuple[int, int]:
 def tracks(run: SuiteRun) -> bytes:
     """The best and the median track of each policy, drawn over the field."""
     names = list(run.runs)
-    figure, axes = _figure(2.35 * len(names) + 0.6, 5.6, nrows=2, ncols=len(names), squeeze=False)
+    figure, axes = _figure(2.35 * len(names) + 0.6, 6.4, nrows=2, ncols=len(names), squeeze=False)
     batch = make_batch(run.suite, 1)
     fastest = 0.0
     for column, name in enumerate(names):
