@@ -1,6 +1,6 @@
 """A surface vehicle that holds its speed and turns: p(n+1) = p(n) + R_z(φ(n+1)) v T, φ(n+1) = φ(n) + ω(n) T.
 
-Position (x, y) in m, x east and y north; heading φ in rad from east, counter-clockwise; yaw rate ω in rad/s; water at rest:
+Position (x, y) in m, x east, y north; heading φ in rad from east, counter-clockwise; yaw rate ω in rad/s; still water:
 what a current adds is added by the caller. The published vehicle of transponder localization (SPEC §8).
 """
 
