@@ -54,11 +54,11 @@ class ScenarioSpec:
     interpolation: str
     num_fields: int
     field_seed: int
-    forecast_error: float
     duration_s: float
     currents_file: str | tuple[str, ...] | None
     currents_center: tuple[float, float] | None
     currents_start: str | None
+    forecast_error: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

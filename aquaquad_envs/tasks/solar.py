@@ -13,7 +13,7 @@ from aquaquad_envs.tasks.scenarios import ScenarioBank
 def solar_table(params: Any, bank: ScenarioBank) -> tuple[energy.SolarCharge, float]:
     """Charge table over the mission, and seconds of local solar time at clock 0.
 
-    ``params``: of a task, with the fields of drift/hop that concern the clock, the place and the sun.
+    ``params``: a :class:`~aquaquad_envs.tasks.vehicle_params.VehicleParams` with ``horizon_s`` and ``action_period_s``.
     """
     # Real currents bring their own place and date; the sun follows them.
     start_time = bank.start_time or params.start_time
