@@ -12,20 +12,18 @@ from typing import NamedTuple
 import numpy as np
 
 from aquaquad_envs.compilation import kernel, lane_kernel, loop_kernel
-from aquaquad_envs.physics.currents import CurrentAxes
 from aquaquad_envs.physics.energy import balance, charge_between
-from aquaquad_envs.physics.grids import Grid
-from aquaquad_envs.physics.obstacles import clearance_at
 from aquaquad_envs.physics.randomness import uniform
 from aquaquad_envs.physics.vehicle import (
     current_after,
     flight_energy_wh,
     flight_time,
-    inside_box,
     runge_kutta,
 )
 from aquaquad_envs.tasks.drift_hop_observation import FLOAT_ROWS, INT_ROWS, hdop_of, observe_members
+from aquaquad_envs.tasks.ocean import draw_clock, draw_scenario
 from aquaquad_envs.tasks.open_water import open_water_near
+from aquaquad_envs.tasks.vehicle_motion import judge_place
 
 #: Energy unit of the reward, Wh.
 REWARD_UNIT_WH = 10.0
@@ -34,19 +32,6 @@ OUTCOMES = ("running", "goal", "collision", "left box", "battery empty", "time o
 RUNNING, GOAL, COLLISION, LEFT_BOX, BATTERY_EMPTY, TIME_OUT = range(6)
 
 REWARD_TERMS = ("flight", "progress", "arrival", "failure")
-
-
-class Ocean(NamedTuple):
-    """Everything immutable that kernels and planners read: currents, obstacles, sun, team."""
-
-    velocity: np.ndarray  # (F, T, rows, columns, 2) m/s
-    axes: CurrentAxes
-    clearance: np.ndarray  # (O, rows, columns) m
-    clearance_grid: Grid
-    scenarios: np.ndarray  # records of SCENARIO_RECORD
-    collected_wh: np.ndarray  # (n,) Wh since the clock's start
-    solar_step: float  # s
-    team: np.ndarray  # (n, 2) m
 
 
 class Constants(NamedTuple):
@@ -79,12 +64,8 @@ class Constants(NamedTuple):
 @kernel
 def reset_world(w, ocean, c):
     """Draw a new episode into record ``w``: scenario, start, goal, clock; the streams go on."""
-    k = int(uniform(w.rng_field) * ocean.scenarios.size)
-    scenario = ocean.scenarios[k]
-    w.scenario = k
-    w.truth = scenario.truth
-    w.forecast = scenario.forecast
-    w.obstacle = scenario.obstacle
+    draw_scenario(w, ocean)
+    scenario = ocean.scenarios[w.scenario]
     w.goal_x, w.goal_y = open_water_near(
         w.rng_initial, ocean, c, w.obstacle, scenario.goal_x, scenario.goal_y, scenario.goal_spread
     )
@@ -101,8 +82,7 @@ def reset_world(w, ocean, c):
                 break
     w.start_x = w.x
     w.start_y = w.y
-    w.time_s = 0.0
-    w.clock_s = c.start_time_spread * uniform(w.rng_initial) if c.start_time_spread > 0.0 else 0.0
+    draw_clock(w, c)
     w.battery_wh = c.capacity * c.initial_charge
     w.flight_wh = 0.0
     w.solar_wh = 0.0
@@ -121,10 +101,8 @@ def _judge(x, y, goal_x, goal_y, obstacle, ocean, c):
     """Outcome of lying on the water at (x, y), without branches."""
     dx = goal_x - x
     dy = goal_y - y
-    outcome = GOAL if dx * dx + dy * dy <= c.goal_radius * c.goal_radius else RUNNING
-    struck = clearance_at(ocean.clearance, obstacle, ocean.clearance_grid, x, y) < 0.0
-    outcome = COLLISION if struck else outcome
-    return outcome if inside_box(x, y, c.half_width) else LEFT_BOX
+    afloat = GOAL if dx * dx + dy * dy <= c.goal_radius * c.goal_radius else RUNNING
+    return judge_place(x, y, obstacle, ocean, c, afloat, COLLISION, LEFT_BOX)
 
 
 #: Worlds that are advanced and observed at once; scratch memory then stays in the first-level cache.

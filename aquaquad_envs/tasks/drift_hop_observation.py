@@ -14,11 +14,10 @@ from aquaquad_envs.physics.currents import current_at
 from aquaquad_envs.physics.obstacles import clearance_at, nearest_direction
 from aquaquad_envs.physics.randomness import normal
 from aquaquad_envs.physics.vehicle import drift_step
+from aquaquad_envs.tasks.observing import CURRENT_SCALE, local_time, unit
 
 #: Greatest HDOP that the published cost assumes, m/rad; stands for singular geometry.
 MAX_HDOP = 9000.0
-#: Speed that scales current observations, m/s.
-CURRENT_SCALE = 2.0
 #: Hours ahead at which the forecast drift is observed, and its integration step, s.
 AHEAD_H = (1, 2, 4)
 AHEAD_STEP_S = 1200.0
@@ -56,30 +55,24 @@ def hdop_of(w, ocean, c):
     return min(bearing_hdop(w.x, w.y, ocean.team, w.goal_x + c.target_dx, w.goal_y + c.target_dy), MAX_HDOP)
 
 
-@kernel
-def _unit(value):
-    value = value if value > -1.0 else -1.0
-    return value if value < 1.0 else 1.0
-
-
 @lane_kernel
 def _place_lanes(x, y, gx, gy, px, py, dx, dy, distance, ux, uy, hop_x, hop_y, c):
     """Own place and the goal's, in every lane."""
     for i in range(x.size):
-        px[i] = _unit(x[i] / c.half_width)
-        py[i] = _unit(y[i] / c.half_width)
+        px[i] = unit(x[i] / c.half_width)
+        py[i] = unit(y[i] / c.half_width)
         away_x = gx[i] - x[i]
         away_y = gy[i] - y[i]
         away = np.sqrt(away_x * away_x + away_y * away_y)
-        dx[i] = _unit(away_x / (2.0 * c.half_width))
-        dy[i] = _unit(away_y / (2.0 * c.half_width))
-        distance[i] = _unit(away / (3.0 * c.half_width))
+        dx[i] = unit(away_x / (2.0 * c.half_width))
+        dy[i] = unit(away_y / (2.0 * c.half_width))
+        distance[i] = unit(away / (3.0 * c.half_width))
         nonzero = away if away > 1e-9 else 1e-9
-        ux[i] = _unit(away_x / nonzero)
-        uy[i] = _unit(away_y / nonzero)
+        ux[i] = unit(away_x / nonzero)
+        uy[i] = unit(away_y / nonzero)
         hops = away / c.max_hop if away < c.max_hop else 1.0
-        hop_x[i] = _unit(hops * away_x / nonzero)
-        hop_y[i] = _unit(hops * away_y / nonzero)
+        hop_x[i] = unit(hops * away_x / nonzero)
+        hop_y[i] = unit(hops * away_y / nonzero)
 
 
 @lane_kernel
@@ -88,13 +81,13 @@ def _here_lanes(x, y, now, true_field, forecast, obstacle, u, v, clear, near_x, 
     for i in range(x.size):
         u[i], v[i] = current_at(ocean.velocity, true_field[i], ocean.axes, now[i], x[i], y[i])
         a, b = current_at(ocean.velocity, forecast[i], ocean.axes, now[i], x[i], y[i])
-        fu[i] = _unit(a / CURRENT_SCALE)
-        fv[i] = _unit(b / CURRENT_SCALE)
+        fu[i] = unit(a / CURRENT_SCALE)
+        fv[i] = unit(b / CURRENT_SCALE)
         away = clearance_at(ocean.clearance, obstacle[i], ocean.clearance_grid, x[i], y[i])
         a, b = nearest_direction(ocean.clearance, obstacle[i], ocean.clearance_grid, x[i], y[i])
-        clear[i] = _unit(away / c.max_hop)
-        near_x[i] = _unit(a)
-        near_y[i] = _unit(b)
+        clear[i] = unit(away / c.max_hop)
+        near_x[i] = unit(a)
+        near_y[i] = unit(b)
 
 
 @lane_kernel
@@ -108,10 +101,10 @@ def _ring_lanes(x, y, ux, uy, now, forecast, obstacle, u, v, clear, half_way, co
         near = clearance_at(
             ocean.clearance, obstacle[i], ocean.clearance_grid, x[i] + 0.5 * dx, y[i] + 0.5 * dy
         )
-        u[i] = _unit(a / CURRENT_SCALE)
-        v[i] = _unit(b / CURRENT_SCALE)
-        clear[i] = _unit(far / c.max_hop)
-        half_way[i] = _unit(near / c.max_hop)
+        u[i] = unit(a / CURRENT_SCALE)
+        v[i] = unit(b / CURRENT_SCALE)
+        clear[i] = unit(far / c.max_hop)
+        half_way[i] = unit(near / c.max_hop)
 
 
 @lane_kernel
@@ -128,7 +121,7 @@ def _ahead_lanes(x, y, now, forecast, ocean):
 def _moved_lanes(x, began, moved, half_width):
     """How far the drift has carried every lane along one axis from where it began."""
     for i in range(x.size):
-        moved[i] = _unit((x[i] - began[i]) / half_width)
+        moved[i] = unit((x[i] - began[i]) / half_width)
 
 
 @loop_kernel
@@ -149,12 +142,10 @@ def observe_members(worlds, members, observations, rows, fields, ocean, c):
         fields[_TRUE_FIELD, i] = w.truth
         fields[_FORECAST_FIELD, i] = w.forecast
         fields[_OBSTACLE, i] = w.obstacle
-        angle = 2.0 * np.pi * (now + c.clock_offset) / 86400.0
-        rows[_BATTERY, i] = _unit(w.battery_wh / c.capacity)
-        rows[_BATTERY + 1, i] = _unit(np.sin(angle))
-        rows[_BATTERY + 2, i] = _unit(np.cos(angle))
-        rows[_BATTERY + 3, i] = _unit(1.0 - w.time_s / c.horizon)
-        rows[_HDOP, i] = _unit(hdop_of(w, ocean, c) / MAX_HDOP)
+        rows[_BATTERY, i] = unit(w.battery_wh / c.capacity)
+        rows[_BATTERY + 1, i], rows[_BATTERY + 2, i] = local_time(now, c)
+        rows[_BATTERY + 3, i] = unit(1.0 - w.time_s / c.horizon)
+        rows[_HDOP, i] = unit(hdop_of(w, ocean, c) / MAX_HDOP)
     x, y, now, forecast = rows[_X, :n], rows[_Y, :n], rows[_NOW, :n], fields[_FORECAST_FIELD, :n]
     obstacle, ux, uy = fields[_OBSTACLE, :n], rows[_GOAL_X, :n], rows[_GOAL_Y, :n]
     _place_lanes(
@@ -170,8 +161,8 @@ def observe_members(worlds, members, observations, rows, fields, ocean, c):
         if c.current_noise > 0.0:
             u[i] += c.current_noise * normal(worlds[members[i]].rng_sensor)
             v[i] += c.current_noise * normal(worlds[members[i]].rng_sensor)
-        u[i] = _unit(u[i] / CURRENT_SCALE)
-        v[i] = _unit(v[i] / CURRENT_SCALE)
+        u[i] = unit(u[i] / CURRENT_SCALE)
+        v[i] = unit(v[i] / CURRENT_SCALE)
     for k in range(len(HEADINGS_DEG)):
         r = _RING + 4 * k
         _ring_lanes(

@@ -5,29 +5,23 @@ A PettingZoo parallel environment. See ``docs/sensor_placement.md`` for the tabl
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 
 from aquaquad_envs.estimation.hdop import even_spread_hdop
 from aquaquad_envs.estimation.kalman import METHODS
 from aquaquad_envs.estimation.kalman_motion import make_motion, states_of
 from aquaquad_envs.estimation.kalman_ukf import make_sigma_points
-from aquaquad_envs.physics import current_formulas
-from aquaquad_envs.physics.grids import Grid
-from aquaquad_envs.physics.obstacles import ObstacleMap
 from aquaquad_envs.sensing.emissions import Emissions
 from aquaquad_envs.sensing.measurements import KINDS
 from aquaquad_envs.sensing.sonar import PassiveSonar
 from aquaquad_envs.tasks import sensor_placement_data as data
 from aquaquad_envs.tasks import sensor_placement_kernels as kernels
-from aquaquad_envs.tasks.discrete_hops import discrete_hops
-from aquaquad_envs.tasks.scenarios import SCENARIO_RECORD, ScenarioBank, ScenarioSpec, build_bank
+from aquaquad_envs.tasks.discrete_hops import hop_actions
+from aquaquad_envs.tasks.ocean import Ocean, build_ocean
 from aquaquad_envs.tasks.sensor_placement_observation import OBSERVATION_NAMES, STATE_NAMES
 from aquaquad_envs.tasks.sensor_placement_params import SCENARIOS, Params
 from aquaquad_envs.tasks.sensor_placement_targets import equivalent_density
-from aquaquad_envs.tasks.solar import solar_table
-from aquaquad_envs.tasks.task import ActionSpec, Task
+from aquaquad_envs.tasks.task import Task
 
 __all__ = ["SCENARIOS", "TASK", "Params", "build", "metrics"]
 
@@ -63,20 +57,6 @@ def metrics(worlds: np.ndarray, params: Params) -> dict[str, np.ndarray]:
     }
 
 
-@lru_cache(maxsize=8)
-def _still_bank(spec: ScenarioSpec) -> ScenarioBank:
-    """No current, and no obstacles but those asked for."""
-    field = current_formulas.uniform(0.0, 0.0, half_width_m=spec.half_width_m)
-    grid, side = Grid.square(spec.half_width_m, spec.half_width_m / 40)
-    obstacles = ObstacleMap.from_rectangles(
-        spec.obstacles or (), grid=grid, side=side, margin_m=spec.obstacle_margin_m
-    )
-    return ScenarioBank(
-        velocity=field.velocity[None], axes=field.axes, clearance=obstacles.distance[None], clearance_grid=grid,
-        scenarios=np.zeros(1, dtype=SCENARIO_RECORD),
-    )  # fmt: skip
-
-
 def _constants(params: Params, clock_offset: float) -> data.Constants:
     still, steered = params.scenario in ("calm", "grid"), params.scenario == "grid"
     density = equivalent_density(
@@ -98,17 +78,12 @@ def _constants(params: Params, clock_offset: float) -> data.Constants:
     )  # fmt: skip
     sonar = PassiveSonar(level=params.detection_level, source_level_db=params.source_level_db)
     return data.Constants(
-        num_vehicles=int(params.num_vehicles), num_targets=int(params.num_targets),
-        half_width=float(params.half_width_m), horizon=float(params.horizon_s),
-        action_period=float(params.action_period_s), sub_steps=int(params.sub_steps),
-        euler=params.integrator == "euler", still_water=still, steered=steered,
-        vehicle_speed=float(params.vehicle_speed_m_s), max_hop=float(params.max_hop_m),
-        airspeed=float(params.airspeed_m_s), drift_threshold=float(params.drift_threshold),
-        flight_power=float(params.flight_power_w), base_power=float(params.base_power_w),
-        capacity=float(params.battery_wh), initial_charge=float(params.initial_charge),
-        start_time_spread=float(params.start_time_spread_s), clock_offset=clock_offset,
+        **params.vehicle_constants(), clock_offset=clock_offset, num_vehicles=int(params.num_vehicles),
+        num_targets=int(params.num_targets), horizon=float(params.horizon_s),
+        action_period=float(params.action_period_s), sub_steps=int(params.sub_steps), still_water=still,
+        steered=steered, vehicle_speed=float(params.vehicle_speed_m_s),
         cluster_radius=float(params.cluster_radius_m) if params.start_layout == "cluster" else 0.0,
-        current_noise=float(params.current_noise_m_s), target_motion=data.TARGET_MOTIONS[params.target_motion],
+        target_motion=data.TARGET_MOTIONS[params.target_motion],
         target_speed=float(params.target_speed_m_s), target_density=float(params.target_noise_m2_s3),
         manoeuvre_interval=float(params.manoeuvre_interval_s), stop_time=float(params.stop_time_s),
         land=params.scenario == "file", truth_motion=make_motion("constant-velocity", density=density),
@@ -131,17 +106,10 @@ def _constants(params: Params, clock_offset: float) -> data.Constants:
     )  # fmt: skip
 
 
-def build(params: Params) -> tuple[data.Ocean, data.Constants, tuple[str, ...]]:
+def build(params: Params) -> tuple[Ocean, data.Constants, tuple[str, ...]]:
     """Immutable data and scalars for the kernels, and notes on what was assumed in reading a file."""
-    spec = params.scenario_spec()
-    bank = _still_bank(spec) if params.scenario in ("calm", "grid") else build_bank(spec)
-    charge, clock_offset = solar_table(params, bank)
-    ocean = data.Ocean(
-        velocity=bank.velocity, axes=bank.axes, clearance=bank.clearance,
-        clearance_grid=Grid(*map(float, bank.clearance_grid)), scenarios=bank.scenarios,
-        collected_wh=charge.collected_wh, solar_step=float(charge.time_step_s),
-    )  # fmt: skip
-    return ocean, _constants(params, clock_offset), bank.notes
+    ocean, clock_offset, notes = build_ocean(params, still=params.scenario in ("calm", "grid"))
+    return ocean, _constants(params, clock_offset), notes
 
 
 TASK = Task(
@@ -152,9 +120,7 @@ TASK = Task(
     reward_terms=data.REWARD_TERMS,
     outcomes=data.OUTCOMES,
     build=build,
-    action_spec=lambda params: ActionSpec(
-        size=2, table=discrete_hops() if params.action_type == "discrete" else None
-    ),
+    action_spec=hop_actions,
     reset=kernels.reset_batch,
     step=kernels.step_batch,
     metrics=metrics,

@@ -9,11 +9,9 @@ import numpy as np
 from aquaquad_envs.estimation.kalman_motion import Motion
 from aquaquad_envs.estimation.kalman_ukf import SigmaPoints
 from aquaquad_envs.estimation.kalman_update import work_shape
-from aquaquad_envs.physics.currents import CurrentAxes
-from aquaquad_envs.physics.grids import Grid
-from aquaquad_envs.physics.randomness import WORDS
 from aquaquad_envs.sensing.emissions import EmissionTerms
 from aquaquad_envs.sensing.sonar import SonarTerms
+from aquaquad_envs.tasks.ocean import EPISODE_FIELDS
 
 MAX_VEHICLES = 8
 MAX_TARGETS = 5
@@ -82,10 +80,7 @@ WORLD = np.dtype(
         ("cycles", np.int64), ("hdop_s", np.float64), ("coverage_s", np.float64), ("alive_s", np.float64),
         ("repairs", np.int64),
         ("num_vehicles", np.int64), ("num_targets", np.int64),
-        ("time_s", np.float64), ("clock_s", np.float64), ("steps", np.int64), ("scenario", np.int64),
-        ("truth", np.int64), ("forecast", np.int64), ("obstacle", np.int64), ("outcome", np.int64),
-        ("rng_initial", np.uint64, (WORDS,)), ("rng_field", np.uint64, (WORDS,)),
-        ("rng_sensor", np.uint64, (WORDS,)), ("rng_target", np.uint64, (WORDS,)),
+        ("time_s", np.float64), ("clock_s", np.float64), *EPISODE_FIELDS,
     ]
 )  # fmt: skip
 
@@ -113,18 +108,6 @@ SCRATCH = np.dtype(
         ("silent", np.int64),  # vehicles afloat that do not hear
     ]
 )  # fmt: skip
-
-
-class Ocean(NamedTuple):
-    """Everything immutable that kernels and planners read: currents, obstacles, sun."""
-
-    velocity: np.ndarray  # (F, T, rows, columns, 2) m/s
-    axes: CurrentAxes
-    clearance: np.ndarray  # (O, rows, columns) m
-    clearance_grid: Grid
-    scenarios: np.ndarray  # records of SCENARIO_RECORD
-    collected_wh: np.ndarray  # (n,) Wh since the clock's start
-    solar_step: float  # s
 
 
 class Constants(NamedTuple):

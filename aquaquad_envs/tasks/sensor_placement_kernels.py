@@ -11,6 +11,7 @@ import numpy as np
 from aquaquad_envs.compilation import kernel, loop_kernel
 from aquaquad_envs.physics.energy import charge_between
 from aquaquad_envs.physics.randomness import uniform
+from aquaquad_envs.tasks.ocean import draw_clock, draw_scenario
 from aquaquad_envs.tasks.sensor_placement_coverage import coverage
 from aquaquad_envs.tasks.sensor_placement_data import (
     MAX_TARGETS,
@@ -28,7 +29,7 @@ from aquaquad_envs.tasks.sensor_placement_sensing import (
 )
 from aquaquad_envs.tasks.sensor_placement_targets import move_fence, move_target, start_fence, start_target
 from aquaquad_envs.tasks.sensor_placement_tracking import load_track, start_track, store_track, track_target
-from aquaquad_envs.tasks.sensor_placement_vehicles import move_vehicle, start_vehicles, take_off
+from aquaquad_envs.tasks.sensor_placement_vehicles import begin_motion, move_vehicle, start_vehicles
 
 #: Energy unit of the reward, Wh a vehicle.
 REWARD_UNIT_WH = 10.0
@@ -46,16 +47,10 @@ def _prepare(s, c):
 @loop_kernel
 def reset_world(w, ocean, c):
     """Draw a new episode into record ``w``: scenario, team, targets, estimates, fence; the streams go on."""
-    k = int(uniform(w.rng_field) * ocean.scenarios.size)
-    scenario = ocean.scenarios[k]
-    w.scenario = k
-    w.truth = scenario.truth
-    w.forecast = scenario.forecast
-    w.obstacle = scenario.obstacle
+    draw_scenario(w, ocean)
     w.num_vehicles = c.num_vehicles
     w.num_targets = c.num_targets
-    w.time_s = 0.0
-    w.clock_s = c.start_time_spread * uniform(w.rng_initial) if c.start_time_spread > 0.0 else 0.0
+    draw_clock(w, c)
     for i in range(MAX_VEHICLES):
         w.x[i] = 0.0
         w.y[i] = 0.0
@@ -110,7 +105,7 @@ def _begin_decision(w, actions, c, s):
     s.died = 0
     for i in range(c.num_vehicles):
         if w.agent_outcome[i] == RUNNING:
-            take_off(w, i, actions[i, 0], actions[i, 1], s, c)
+            begin_motion(w, i, actions[i, 0], actions[i, 1], s, c)
             w.on_water[i] = 1.0 - s.flight_left_s[i] / c.action_period
     for j in range(c.num_targets):
         if c.states == 4:

@@ -13,6 +13,7 @@ from aquaquad_envs.estimation.posterior_bound import bound_position_rmse
 from aquaquad_envs.physics.currents import current_at
 from aquaquad_envs.physics.obstacles import clearance_at, nearest_direction
 from aquaquad_envs.physics.randomness import normal
+from aquaquad_envs.tasks.observing import CURRENT_SCALE, local_time, unit
 from aquaquad_envs.tasks.sensor_placement_coverage import coverage, nearest_gap, nearest_on_fence
 from aquaquad_envs.tasks.sensor_placement_data import (
     CORNERS,
@@ -30,8 +31,6 @@ from aquaquad_envs.tasks.sensor_placement_hdop import (
 )
 from aquaquad_envs.tasks.sensor_placement_sensing import find_afloat, without
 
-#: Speed that scales current observations, m/s.
-CURRENT_SCALE = 2.0
 #: Decisions without a measurement after which a track's age is full.
 OLD_DECISIONS = 6.0
 
@@ -77,12 +76,6 @@ _STATE_VEHICLE_WIDTH, _STATE_TARGET_WIDTH = len(_STATE_VEHICLE), len(_STATE_TARG
 
 
 @kernel
-def _unit(value):
-    value = value if value > -1.0 else -1.0
-    return value if value < 1.0 else 1.0
-
-
-@kernel
 def _signed(value, scale):
     return value / (abs(value) + scale)
 
@@ -112,8 +105,8 @@ def _vehicle_rows(w, i, out, c, s):
         at = _VEHICLES + row * _VEHICLE_WIDTH
         out[at] = 1.0
         if w.agent_outcome[k] == RUNNING:
-            out[at + 1] = _unit(0.5 * (w.x[k] - w.x[i]) / c.half_width)
-            out[at + 2] = _unit(0.5 * (w.y[k] - w.y[i]) / c.half_width)
+            out[at + 1] = unit(0.5 * (w.x[k] - w.x[i]) / c.half_width)
+            out[at + 2] = unit(0.5 * (w.y[k] - w.y[i]) / c.half_width)
             out[at + 3] = 1.0
             out[at + 4] = w.on_water[k]
 
@@ -143,17 +136,17 @@ def _target_rows(w, i, out, c, s):
         mixed = ex * ey * (d - a) + (ex * ex - ey * ey) * b
         speed = 2.0 * c.target_speed + 1e-9
         out[at] = 1.0
-        out[at + 1] = _unit(0.5 * dx / c.half_width)
-        out[at + 2] = _unit(0.5 * dy / c.half_width)
-        out[at + 3] = _unit(away / (3.0 * c.half_width))
-        out[at + 4] = _unit(ex)
-        out[at + 5] = _unit(ey)
-        out[at + 6] = _unit(w.estimate[j, 2] / speed)
-        out[at + 7] = _unit(w.estimate[j, 3] / speed)
+        out[at + 1] = unit(0.5 * dx / c.half_width)
+        out[at + 2] = unit(0.5 * dy / c.half_width)
+        out[at + 3] = unit(away / (3.0 * c.half_width))
+        out[at + 4] = unit(ex)
+        out[at + 5] = unit(ey)
+        out[at + 6] = unit(w.estimate[j, 2] / speed)
+        out[at + 7] = unit(w.estimate[j, 3] / speed)
         out[at + 8] = squash(np.sqrt(along), c.fix_scale)
         out[at + 9] = squash(np.sqrt(across), c.fix_scale)
-        out[at + 10] = _unit(mixed / max(np.sqrt(along * across), 1e-12))
-        out[at + 11] = _unit((w.time_s - w.measured_s[j]) / (OLD_DECISIONS * c.action_period))
+        out[at + 10] = unit(mixed / max(np.sqrt(along * across), 1e-12))
+        out[at + 11] = unit((w.time_s - w.measured_s[j]) / (OLD_DECISIONS * c.action_period))
         out[at + 12] = w.lost[j]
 
 
@@ -161,12 +154,12 @@ def _target_rows(w, i, out, c, s):
 def _fence_part(w, i, out, covered, c, s):
     out[_FENCE] = covered
     x, y = nearest_on_fence(w, w.x[i], w.y[i], c)
-    out[_FENCE + 1] = _unit(0.5 * (x - w.x[i]) / c.half_width)
-    out[_FENCE + 2] = _unit(0.5 * (y - w.y[i]) / c.half_width)
+    out[_FENCE + 1] = unit(0.5 * (x - w.x[i]) / c.half_width)
+    out[_FENCE + 2] = unit(0.5 * (y - w.y[i]) / c.half_width)
     without(s.afloat, i, s)
     x, y = nearest_gap(w, s.hears, w.x[i], w.y[i], c)
-    out[_FENCE + 3] = _unit(0.5 * (x - w.x[i]) / c.half_width)
-    out[_FENCE + 4] = _unit(0.5 * (y - w.y[i]) / c.half_width)
+    out[_FENCE + 3] = unit(0.5 * (x - w.x[i]) / c.half_width)
+    out[_FENCE + 4] = unit(0.5 * (y - w.y[i]) / c.half_width)
 
 
 @kernel
@@ -174,10 +167,10 @@ def _own_part(w, i, out, alive, ocean, c):
     now = w.clock_s + w.time_s
     x = w.x[i]
     y = w.y[i]
-    out[0] = _unit(x / c.half_width)
-    out[1] = _unit(y / c.half_width)
-    out[2] = _unit(w.battery_wh[i] / c.capacity)
-    out[5] = _unit(1.0 - w.time_s / c.horizon)
+    out[0] = unit(x / c.half_width)
+    out[1] = unit(y / c.half_width)
+    out[2] = unit(w.battery_wh[i] / c.capacity)
+    out[5] = unit(1.0 - w.time_s / c.horizon)
     out[6] = alive / MAX_VEHICLES
     out[7] = w.on_water[i]
     u = 0.0
@@ -187,14 +180,14 @@ def _own_part(w, i, out, alive, ocean, c):
     if c.current_noise > 0.0:
         u += c.current_noise * normal(w.rng_sensor)
         v += c.current_noise * normal(w.rng_sensor)
-    out[_CURRENT] = _unit(u / CURRENT_SCALE)
-    out[_CURRENT + 1] = _unit(v / CURRENT_SCALE)
+    out[_CURRENT] = unit(u / CURRENT_SCALE)
+    out[_CURRENT + 1] = unit(v / CURRENT_SCALE)
     reach = c.vehicle_speed * c.action_period if c.steered else c.max_hop
     clear = clearance_at(ocean.clearance, w.obstacle, ocean.clearance_grid, x, y)
     dx, dy = nearest_direction(ocean.clearance, w.obstacle, ocean.clearance_grid, x, y)
-    out[_OBSTACLE] = _unit(clear / reach)
-    out[_OBSTACLE + 1] = _unit(dx)
-    out[_OBSTACLE + 2] = _unit(dy)
+    out[_OBSTACLE] = unit(clear / reach)
+    out[_OBSTACLE + 1] = unit(dx)
+    out[_OBSTACLE + 2] = unit(dy)
 
 
 @loop_kernel
@@ -202,9 +195,7 @@ def observe_world(w, members, observations, ocean, c, s):
     """Observations (A, SIZE), in [-1, 1], of the vehicles where ``members`` (8,) is true; zeros of the others."""
     s.flight_left_s[:] = 0.0
     alive = find_afloat(w, c, s)
-    angle = 2.0 * np.pi * (w.clock_s + w.time_s + c.clock_offset) / 86400.0
-    sine = np.sin(angle)
-    cosine = np.cos(angle)
+    sine, cosine = local_time(w.clock_s + w.time_s, c)
     if c.num_targets > 0:
         hdops_of_changes(w, c, s)
     covered = coverage(w, s.afloat, c) if c.fence else 0.0
@@ -214,13 +205,13 @@ def observe_world(w, members, observations, ocean, c, s):
         if not members[i]:
             continue
         _own_part(w, i, out, alive, ocean, c)
-        out[3] = _unit(sine)
-        out[4] = _unit(cosine)
+        out[3] = sine
+        out[4] = cosine
         if c.num_targets > 0:
             out[_HDOP] = s.lane_hdop[0]
             if s.afloat[i]:
                 for k in range(FORMATIONS):
-                    out[_HDOP + 1 + k] = _unit(s.lane_hdop[1 + FORMATIONS * i + k] - s.lane_hdop[0])
+                    out[_HDOP + 1 + k] = unit(s.lane_hdop[1 + FORMATIONS * i + k] - s.lane_hdop[0])
         if c.fence:
             _fence_part(w, i, out, covered, c, s)
         _vehicle_rows(w, i, out, c, s)
@@ -234,10 +225,8 @@ def view_world(w, out, ocean, c, s):
     s.flight_left_s[:] = 0.0
     find_afloat(w, c, s)
     now = w.clock_s + w.time_s
-    angle = 2.0 * np.pi * (now + c.clock_offset) / 86400.0
-    out[0] = _unit(1.0 - w.time_s / c.horizon)
-    out[1] = _unit(np.sin(angle))
-    out[2] = _unit(np.cos(angle))
+    out[0] = unit(1.0 - w.time_s / c.horizon)
+    out[1], out[2] = local_time(now, c)
     present_formation(w, 1, c, s)
     believed_hdops(w, 1, c, s)
     out[3] = s.lane_hdop[0]
@@ -252,7 +241,7 @@ def view_world(w, out, ocean, c, s):
             u / CURRENT_SCALE, v / CURRENT_SCALE,
         )  # fmt: skip
         for k in range(len(values)):
-            out[at + 1 + k] = _unit(values[k])
+            out[at + 1 + k] = unit(values[k])
     speed = 2.0 * c.target_speed + 1e-9
     for j in range(c.num_targets):
         a = max(w.covariance[j, 0, 0], 0.0)
@@ -267,9 +256,9 @@ def view_world(w, out, ocean, c, s):
             (w.time_s - w.measured_s[j]) / (OLD_DECISIONS * c.action_period), 1.0 * w.lost[j],
         )  # fmt: skip
         for k in range(len(beliefs)):
-            out[_STATE_TARGETS + j * _STATE_TARGET_WIDTH + k] = _unit(beliefs[k])
+            out[_STATE_TARGETS + j * _STATE_TARGET_WIDTH + k] = unit(beliefs[k])
     if c.fence:
         out[4] = coverage(w, s.afloat, c)
         for k in range(CORNERS):
-            out[_STATE_FENCE + 2 * k] = _unit(w.fence[k, 0] / c.half_width)
-            out[_STATE_FENCE + 2 * k + 1] = _unit(w.fence[k, 1] / c.half_width)
+            out[_STATE_FENCE + 2 * k] = unit(w.fence[k, 0] / c.half_width)
+            out[_STATE_FENCE + 2 * k + 1] = unit(w.fence[k, 1] / c.half_width)

@@ -1,8 +1,4 @@
-"""How the vehicles of sensor placement hop, drift and live on their batteries, compiled.
-
-The physics is that of drift/hop (:mod:`aquaquad_envs.physics.vehicle`, :mod:`aquaquad_envs.physics.energy`); only the
-clock differs: decisions of a team are synchronous, so a hop is followed by a drift for the rest of the period.
-"""
+"""How the vehicles of sensor placement hop, drift and live on their batteries, compiled."""
 
 from __future__ import annotations
 
@@ -12,9 +8,10 @@ from aquaquad_envs.compilation import kernel
 from aquaquad_envs.physics.energy import balance
 from aquaquad_envs.physics.obstacles import clearance_at
 from aquaquad_envs.physics.randomness import uniform
-from aquaquad_envs.physics.vehicle import drift_step, flight_energy_wh, flight_time, inside_box
+from aquaquad_envs.physics.vehicle import flight_energy_wh
 from aquaquad_envs.tasks.open_water import open_water_near
 from aquaquad_envs.tasks.sensor_placement_data import BATTERY_EMPTY, COLLISION, LEFT_BOX, RUNNING
+from aquaquad_envs.tasks.vehicle_motion import fly_and_drift, take_off
 
 #: Vehicles start within this share of the half width, and this share of it clear of obstacles.
 START_SHARE = 0.9
@@ -54,30 +51,16 @@ def start_vehicles(w, ocean, c):
 
 
 @kernel
-def take_off(w, i, action_x, action_y, s, c):
+def begin_motion(w, i, action_x, action_y, s, c):
     """Turn the action of vehicle ``i`` into a flight: seconds left of it and its velocity."""
-    norm = np.sqrt(action_x * action_x + action_y * action_y)
-    s.flight_left_s[i] = 0.0
-    s.flight_u[i] = 0.0
-    s.flight_v[i] = 0.0
     if c.steered:
-        scale = c.vehicle_speed / max(norm, 1.0)
+        scale = c.vehicle_speed / max(np.sqrt(action_x * action_x + action_y * action_y), 1.0)
+        s.flight_left_s[i] = 0.0
         s.flight_u[i] = scale * action_x
         s.flight_v[i] = scale * action_y
-    elif norm >= c.drift_threshold and norm > 0.0:
-        s.flight_left_s[i] = flight_time(c.max_hop * min(norm, 1.0), c.airspeed)
-        s.flight_u[i] = c.airspeed * action_x / norm
-        s.flight_v[i] = c.airspeed * action_y / norm
-        w.hops[i] += 1
-
-
-@kernel
-def _judge(x, y, w, ocean, c):
-    """Outcome of lying on the water at (x, y)."""
-    if not inside_box(x, y, c.half_width):
-        return LEFT_BOX
-    struck = clearance_at(ocean.clearance, w.obstacle, ocean.clearance_grid, x, y) < 0.0
-    return COLLISION if struck else RUNNING
+    else:
+        s.flight_left_s[i], s.flight_u[i], s.flight_v[i] = take_off(action_x, action_y, c)
+        w.hops[i] += s.flight_left_s[i] > 0.0
 
 
 @kernel
@@ -97,27 +80,16 @@ def move_vehicle(w, i, now, dt, charged, ocean, c, s):
     if c.steered:
         _steer(w, i, dt, s, c)
         return
-    flying = min(s.flight_left_s[i], dt)
-    outcome = RUNNING
-    flown = 0.0
-    if flying > 0.0:
-        w.x[i] += flying * s.flight_u[i]
-        w.y[i] += flying * s.flight_v[i]
-        s.flight_left_s[i] -= flying
-        w.flight_s[i] += flying
-        flown = flight_energy_wh(c.airspeed * flying, c.airspeed, c.flight_power)
-        w.flight_wh[i] += flown
-        s.flown_wh += flown
-        if s.flight_left_s[i] == 0.0:
-            outcome = _judge(w.x[i], w.y[i], w, ocean, c)
-    drifting = dt - flying
-    if drifting > 0.0 and outcome == RUNNING:
-        if not c.still_water:
-            w.x[i], w.y[i] = drift_step(
-                ocean.velocity, w.truth, ocean.axes, now + flying, w.x[i], w.y[i], drifting, c.euler
-            )
-            outcome = _judge(w.x[i], w.y[i], w, ocean, c)
-        w.drift_s[i] += drifting
+    w.x[i], w.y[i], flown_s, drifted_s, outcome = fly_and_drift(
+        w.x[i], w.y[i], w.truth, w.obstacle, now, dt, s.flight_left_s[i], s.flight_u[i], s.flight_v[i], ocean, c,
+        RUNNING, COLLISION, LEFT_BOX,
+    )  # fmt: skip
+    s.flight_left_s[i] -= flown_s
+    w.flight_s[i] += flown_s
+    w.drift_s[i] += drifted_s
+    flown = flight_energy_wh(c.airspeed * flown_s, c.airspeed, c.flight_power)
+    w.flight_wh[i] += flown
+    s.flown_wh += flown
     demanded = c.base_power * dt / 3600.0 + flown
     w.battery_wh[i], used, lost, empty = balance(w.battery_wh[i], c.capacity, charged, demanded)
     w.solar_wh[i] += charged
