@@ -332,7 +332,7 @@ class DrRrtStar:
             airspeed_m_s=params.airspeed_m_s, flight_power_w=params.flight_power_w,
             time_s=float(world["clock_s"] + world["time_s"]),
             horizon_s=max(left, 1.0),
-            drift_step_s=params.action_period_s / params.sub_steps, team=ocean.team,
+            drift_step_s=params.action_period_s / params.sub_steps, team=self.batch.constants.team,
             target=(goal[0] + params.target_offset[0], goal[1] + params.target_offset[1]),
         )  # fmt: skip
         if self.variant != "product":

@@ -42,7 +42,7 @@ def problem() -> tuple[DriftHopProblem, float]:
         velocity=ocean.velocity, axes=ocean.axes, clearance=ocean.clearance, clearance_grid=ocean.clearance_grid,
         start=(float(world["start_x"]), float(world["start_y"])), goal=goal, half_width_m=params.half_width_m,
         goal_radius_m=params.goal_radius_m, max_hop_m=params.max_hop_m, airspeed_m_s=params.airspeed_m_s,
-        flight_power_w=params.flight_power_w, team=ocean.team,
+        flight_power_w=params.flight_power_w, team=batch.constants.team,
         target=(goal[0] + params.target_offset[0], goal[1] + params.target_offset[1]),
     )  # fmt: skip
     bound = make_policy("optimal", batch).bound_wh()  # type: ignore[attr-defined]

@@ -45,14 +45,14 @@ class Picture(SeaPicture):
         x += 17 + canvas.text((x + 17, y), "start", 17, INK) + 18
         goal_mark(canvas, (x + 9, y), 9)
         x += 24 + canvas.text((x + 24, y), "goal", 17, INK) + 18
-        if len(self._ocean.team):
+        if len(self._params.team):
             listener(canvas, (x + 7, y))
             x += 19 + canvas.text((x + 19, y), "team", 17, INK) + 18
         return x
 
     def paint_fixed(self, canvas: Canvas) -> None:
         """The listening team."""
-        for x, y in self._ocean.team:
+        for x, y in self._params.team:
             listener(canvas, self.view.pixel(x, y))
 
     def paint_moving(self, canvas: Canvas, world: np.void) -> None:

@@ -116,9 +116,10 @@ def metrics(worlds: np.ndarray, params: Params) -> dict[str, np.ndarray]:
 
 def build(params: Params) -> tuple[Ocean, kernels.Constants, tuple[str, ...]]:
     """Immutable data and scalars for the kernels, and notes on what was assumed in reading a file."""
-    ocean, clock_offset, notes = build_ocean(params, team=params.team)
+    ocean, clock_offset, notes = build_ocean(params)
     constants = kernels.Constants(
-        **params.vehicle_constants(), clock_offset=clock_offset, horizon=float(params.horizon_s),
+        **params.vehicle_constants(), clock_offset=clock_offset,
+        team=np.array(params.team, dtype=np.float64).reshape(-1, 2), horizon=float(params.horizon_s),
         action_period=float(params.action_period_s), sub_steps=int(params.sub_steps),
         goal_radius=float(params.goal_radius_m), target_dx=float(params.target_offset[0]),
         target_dy=float(params.target_offset[1]), start_anywhere=float(params.start_anywhere),

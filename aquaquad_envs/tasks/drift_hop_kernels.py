@@ -35,7 +35,7 @@ REWARD_TERMS = ("flight", "progress", "arrival", "failure")
 
 
 class Constants(NamedTuple):
-    """Scalars of the parameters as kernels read them (units as in ``drift_hop.Params``)."""
+    """The parameters as kernels read them (units as in ``drift_hop.Params``)."""
 
     half_width: float
     horizon: float
@@ -52,6 +52,7 @@ class Constants(NamedTuple):
     initial_charge: float
     start_time_spread: float
     clock_offset: float  # s of local solar time at clock 0
+    team: np.ndarray  # (n, 2) m
     target_dx: float
     target_dy: float
     current_noise: float
@@ -264,7 +265,7 @@ def step_batch(worlds, actions, observations, rewards, terms, terminated, trunca
             w = worlds[first]
             if w.outcome == RUNNING:
                 before[0, n] = np.sqrt((w.goal_x - w.x) ** 2 + (w.goal_y - w.y) ** 2)
-                before[1, n] = hdop_of(w, ocean, c)
+                before[1, n] = hdop_of(w, c)
                 before[2, n] = w.time_s
                 before[3, n] = 0.0
                 action_x = actions[first, 0]

@@ -48,11 +48,11 @@ INT_ROWS = 3
 
 
 @kernel
-def hdop_of(w, ocean, c):
+def hdop_of(w, c):
     """Bearing HDOP, m/rad, of the vehicle and the team about the target; at most MAX_HDOP, 0 without a team."""
-    if ocean.team.shape[0] == 0:
+    if c.team.shape[0] == 0:
         return 0.0
-    return min(bearing_hdop(w.x, w.y, ocean.team, w.goal_x + c.target_dx, w.goal_y + c.target_dy), MAX_HDOP)
+    return min(bearing_hdop(w.x, w.y, c.team, w.goal_x + c.target_dx, w.goal_y + c.target_dy), MAX_HDOP)
 
 
 @lane_kernel
@@ -145,7 +145,7 @@ def observe_members(worlds, members, observations, rows, fields, ocean, c):
         rows[_BATTERY, i] = unit(w.battery_wh / c.capacity)
         rows[_BATTERY + 1, i], rows[_BATTERY + 2, i] = local_time(now, c)
         rows[_BATTERY + 3, i] = unit(1.0 - w.time_s / c.horizon)
-        rows[_HDOP, i] = unit(hdop_of(w, ocean, c) / MAX_HDOP)
+        rows[_HDOP, i] = unit(hdop_of(w, c) / MAX_HDOP)
     x, y, now, forecast = rows[_X, :n], rows[_Y, :n], rows[_NOW, :n], fields[_FORECAST_FIELD, :n]
     obstacle, ux, uy = fields[_OBSTACLE, :n], rows[_GOAL_X, :n], rows[_GOAL_Y, :n]
     _place_lanes(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -27,7 +26,7 @@ EPISODE_FIELDS = [
 
 
 class Ocean(NamedTuple):
-    """Everything immutable that kernels and planners read: currents, obstacles, sun, others' sensors."""
+    """Everything immutable that kernels and planners read: currents, obstacles, sun."""
 
     velocity: np.ndarray  # (F, T, rows, columns, 2) m/s
     axes: CurrentAxes
@@ -36,7 +35,6 @@ class Ocean(NamedTuple):
     scenarios: np.ndarray  # records of SCENARIO_RECORD
     collected_wh: np.ndarray  # (n,) Wh since the clock's start
     solar_step: float  # s
-    team: np.ndarray  # (n, 2) m; sensors that stay where they are, none in most tasks
 
 
 @lru_cache(maxsize=8)
@@ -53,9 +51,7 @@ def _still_bank(spec: ScenarioSpec) -> ScenarioBank:
     )  # fmt: skip
 
 
-def build_ocean(
-    params: Any, *, still: bool = False, team: Sequence[Sequence[float]] = ()
-) -> tuple[Ocean, float, tuple[str, ...]]:
+def build_ocean(params: Any, *, still: bool = False) -> tuple[Ocean, float, tuple[str, ...]]:
     """The ocean of ``params``, seconds of local solar time at clock 0, and notes on what was assumed in reading a file.
 
     ``params``: a :class:`~aquaquad_envs.tasks.vehicle_params.VehicleParams` with ``scenario_spec()``,
@@ -69,7 +65,6 @@ def build_ocean(
         velocity=bank.velocity, axes=bank.axes, clearance=bank.clearance,
         clearance_grid=Grid(*map(float, bank.clearance_grid)), scenarios=bank.scenarios,
         collected_wh=charge.collected_wh, solar_step=float(charge.time_step_s),
-        team=np.array(team, dtype=np.float64).reshape(-1, 2),
     )  # fmt: skip
     return ocean, clock_offset, bank.notes
 

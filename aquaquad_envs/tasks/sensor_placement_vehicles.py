@@ -1,4 +1,8 @@
-"""How the vehicles of sensor placement hop, drift and live on their batteries, compiled."""
+"""How the vehicles of sensor placement hop, drift and live on their batteries, compiled.
+
+The physics is that of drift/hop (:mod:`aquaquad_envs.physics.vehicle`, :mod:`aquaquad_envs.physics.energy`); only the
+clock differs: decisions of a team are synchronous, so a hop is followed by a drift for the rest of the period.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +12,10 @@ from aquaquad_envs.compilation import kernel
 from aquaquad_envs.physics.energy import balance
 from aquaquad_envs.physics.obstacles import clearance_at
 from aquaquad_envs.physics.randomness import uniform
-from aquaquad_envs.physics.vehicle import flight_energy_wh
+from aquaquad_envs.physics.vehicle import drift_step, flight_energy_wh
 from aquaquad_envs.tasks.open_water import open_water_near
 from aquaquad_envs.tasks.sensor_placement_data import BATTERY_EMPTY, COLLISION, LEFT_BOX, RUNNING
-from aquaquad_envs.tasks.vehicle_motion import fly_and_drift, take_off
+from aquaquad_envs.tasks.vehicle_motion import judge_place, take_off
 
 #: Vehicles start within this share of the half width, and this share of it clear of obstacles.
 START_SHARE = 0.9
@@ -80,16 +84,27 @@ def move_vehicle(w, i, now, dt, charged, ocean, c, s):
     if c.steered:
         _steer(w, i, dt, s, c)
         return
-    w.x[i], w.y[i], flown_s, drifted_s, outcome = fly_and_drift(
-        w.x[i], w.y[i], w.truth, w.obstacle, now, dt, s.flight_left_s[i], s.flight_u[i], s.flight_v[i], ocean, c,
-        RUNNING, COLLISION, LEFT_BOX,
-    )  # fmt: skip
-    s.flight_left_s[i] -= flown_s
-    w.flight_s[i] += flown_s
-    w.drift_s[i] += drifted_s
-    flown = flight_energy_wh(c.airspeed * flown_s, c.airspeed, c.flight_power)
-    w.flight_wh[i] += flown
-    s.flown_wh += flown
+    flying = min(s.flight_left_s[i], dt)
+    outcome = RUNNING
+    flown = 0.0
+    if flying > 0.0:
+        w.x[i] += flying * s.flight_u[i]
+        w.y[i] += flying * s.flight_v[i]
+        s.flight_left_s[i] -= flying
+        w.flight_s[i] += flying
+        flown = flight_energy_wh(c.airspeed * flying, c.airspeed, c.flight_power)
+        w.flight_wh[i] += flown
+        s.flown_wh += flown
+        if s.flight_left_s[i] == 0.0:
+            outcome = judge_place(w.x[i], w.y[i], w.obstacle, ocean, c, RUNNING, COLLISION, LEFT_BOX)
+    drifting = dt - flying
+    if drifting > 0.0 and outcome == RUNNING:
+        if not c.still_water:
+            w.x[i], w.y[i] = drift_step(
+                ocean.velocity, w.truth, ocean.axes, now + flying, w.x[i], w.y[i], drifting, c.euler
+            )
+            outcome = judge_place(w.x[i], w.y[i], w.obstacle, ocean, c, RUNNING, COLLISION, LEFT_BOX)
+        w.drift_s[i] += drifting
     demanded = c.base_power * dt / 3600.0 + flown
     w.battery_wh[i], used, lost, empty = balance(w.battery_wh[i], c.capacity, charged, demanded)
     w.solar_wh[i] += charged
