@@ -54,19 +54,15 @@ def ekf_update(
     if the model is matched; repaired: 1 where the covariance had lost positive definiteness.
     """
     n = state.shape[0]
-    used = 0
-    for i in range(count):
-        if mask[i]:
-            used += 1
-    if used == 0:
-        return 0, 0.0, 0
     repaired = factorize(covariance, work)
     row = n
     for i in range(count):
         if mask[i]:
             _ekf_row(state, work, row, kinds[i], sensors, others, i, values[i], sigmas[i], sound_speed, wrap)
             row += 1
-    return used, square_root_update(state, covariance, work, used, 2, 2), repaired
+    if row == n:
+        return 0, 0.0, 0
+    return row - n, square_root_update(state, covariance, work, row - n, 2, 2), repaired
 
 
 @kernel

@@ -152,12 +152,6 @@ def ukf_update(
     ``wrap`` bearings are averaged and subtracted as plain numbers, as published.
     """
     n = state.shape[0]
-    used = 0
-    for i in range(count):
-        if mask[i]:
-            used += 1
-    if used == 0:
-        return 0, 0.0, 0
     repaired = factorize(covariance, work)
     row = n
     for i in range(count):
@@ -167,7 +161,9 @@ def ukf_update(
                 points.spread, points.blend, 2,
             )  # fmt: skip
             row += 1
-    return used, square_root_update(state, covariance, work, used, 4, 2), repaired
+    if row == n:
+        return 0, 0.0, 0
+    return row - n, square_root_update(state, covariance, work, row - n, 4, 2), repaired
 
 
 @kernel
