@@ -34,7 +34,7 @@ train: $(READY)  ## train a policy; options in ARGS, `make train ARGS=--help` li
 	$(BIN)/python train.py $(ARGS)
 
 test: $(READY)  ## the tests
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest -n logical --maxprocesses 4 --dist loadfile $(ARGS)
 
 lint: $(READY)  ## style, formatting and types
 	$(BIN)/ruff check .
