@@ -54,11 +54,14 @@ def imitate(
                 batch.reset(first)
                 if mission > 0:
                     _scatter(batch, rng)
+                    # A world that was moved is observed by its next step: it drifts once.
+                    batch.step(np.zeros(batch.action_shape))
             else:
                 batch.reset(first + 2**30 * mission)
             # Early rounds mostly follow the expert, later ones mostly the learner.
             trust = 0.7**number if number or mission else 1.0
-            observations, wanted = _roll(batch, expert, actor, frame, trust, rng)
+            decisions = None if mission == 0 else recipe.imitation_decisions
+            observations, wanted = _roll(batch, expert, actor, frame, trust, rng, decisions)
             seen.append(observations)
             labels.append(wanted)
         loss = _fit(actor, optimiser, np.concatenate(seen), np.concatenate(labels), recipe, order)
@@ -87,12 +90,11 @@ def _roll(
     frame: Frame,
     trust: float,
     rng: np.random.Generator,
+    decisions: int | None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """One mission of every world: observations met and what the expert would have done there."""
+    """One mission of every world, or its first ``decisions``: observations met and the expert's answers to them."""
     seen, labels = [], []
-    # A restarted world is observed by its first step; until then it drifts once.
-    batch.step(np.zeros(batch.action_shape))
-    for _ in range(10_000):
+    for _ in range(10_000 if decisions is None else decisions):
         running = ~batch.done
         if not running.any():
             break
@@ -117,13 +119,16 @@ def _fit(
     recipe: Recipe,
     order: torch.Generator,
 ) -> float:
-    """Some epochs of least squares; returns the last epoch's mean loss."""
+    """Some epochs of least squares, or of Huber's loss; returns the last epoch's mean loss."""
     x, y = torch.from_numpy(observations), torch.from_numpy(labels)
+    measure: torch.nn.Module = torch.nn.MSELoss()
+    if recipe.imitation_huber is not None:
+        measure = torch.nn.SmoothL1Loss(beta=recipe.imitation_huber)
     loss_sum = 0.0
     for _ in range(recipe.imitation_epochs):
         loss_sum = 0.0
         for part in torch.randperm(len(x), generator=order).split(_MINIBATCH):
-            loss = torch.nn.functional.mse_loss(actor(x[part]), y[part])
+            loss = measure(actor(x[part]), y[part])
             optimiser.zero_grad()
             loss.backward()
             optimiser.step()

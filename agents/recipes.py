@@ -40,6 +40,11 @@ class Recipe:
     #: missions a round from each world: the first from its start, the others from anywhere
     imitation_missions: int = 16
     imitation_epochs: int = 20
+    #: of the missions after the first of a round only so many decisions are played; None: all
+    imitation_decisions: int | None = None
+    #: residual from which an imitation's loss grows linearly, so that between two ways of acting it settles on the
+    #: commoner, not on their mean; None: least squares
+    imitation_huber: float | None = None
     #: parameters of the worlds that differ while imitating
     imitation_params: dict[str, Any] = field(default_factory=dict)
     #: whether missions after the first begin anywhere (drift-hop), else with the next seeds
@@ -133,7 +138,12 @@ def sensor_placement_recipe(scenario: str, algorithm: str) -> Recipe:
     check_choice("scenario", scenario, ("calm", "vortex", "gyres"))
     check_choice("algorithm", algorithm, ("ppo", "mappo"))
     # A lost vehicle costs more in training: survivors are what most separates a learned team from the planner's.
-    params: dict[str, Any] = {"scenario": scenario, "measurement": "tdoa", "failure_penalty": 20.0}
+    params: dict[str, Any] = {
+        "scenario": scenario,
+        "measurement": "tdoa",
+        "failure_penalty": 20.0,
+        "acquisition_weight": 5.0,
+    }
     fields = {"field_seed": 1, "num_fields": 512} if scenario == "gyres" else {}
     checks = {"field_seed": 2, "num_fields": 200} if scenario == "gyres" else {}
     return Recipe(
@@ -147,11 +157,15 @@ def sensor_placement_recipe(scenario: str, algorithm: str) -> Recipe:
         algorithm_settings={**_PPO, "gamma": 0.98},
         frame="goal",
         initial_log_std=-3.0,
+        hidden=(256, 256),
         imitation_rounds=10,
         expert="hdop-optimal",
-        imitation_worlds=64,
-        imitation_missions=1,
-        imitation_epochs=12,
+        imitation_worlds=128,
+        # The first decisions decide the RMSE of a mission that starts badly placed, and are few among all.
+        imitation_missions=16,
+        imitation_decisions=4,
+        imitation_huber=0.1,
+        imitation_epochs=8,
         imitation_margin_m=50.0,
         value_warmup_frames=300_000,
         evaluation_episodes=100,

@@ -103,6 +103,7 @@ def _constants(params: Params, clock_offset: float) -> data.Constants:
         bound_weight=float(params.bound_weight), hdop_weight=float(params.hdop_weight),
         coverage_weight=float(params.coverage_weight), energy_weight=float(params.energy_weight),
         failure_penalty=float(params.failure_penalty),
+        acquisition_weight=float(params.acquisition_weight),
     )  # fmt: skip
 
 

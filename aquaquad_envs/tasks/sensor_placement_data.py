@@ -23,7 +23,7 @@ PENDING = 160
 OUTCOMES = ("running", "collision", "left box", "battery empty", "time out", "team lost")
 RUNNING, COLLISION, LEFT_BOX, BATTERY_EMPTY, TIME_OUT, TEAM_LOST = range(6)
 
-REWARD_TERMS = ("tracking", "bound", "hdop", "coverage", "energy", "failure")
+REWARD_TERMS = ("tracking", "bound", "acquisition", "hdop", "coverage", "energy", "failure")
 
 CONSTANT_VELOCITY, MANOEUVRING, STOP_AND_GO = range(3)
 #: Code of each kind of target by the name that users write.
@@ -179,3 +179,4 @@ class Constants(NamedTuple):
     coverage_weight: float
     energy_weight: float
     failure_penalty: float
+    acquisition_weight: float

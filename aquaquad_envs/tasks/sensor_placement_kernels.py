@@ -33,6 +33,8 @@ from aquaquad_envs.tasks.sensor_placement_vehicles import begin_motion, move_veh
 
 #: Energy unit of the reward, Wh a vehicle.
 REWARD_UNIT_WH = 10.0
+#: Error of a rough fix in errors of a good one.
+ROUGH_FIX = 20.0
 
 
 @kernel
@@ -166,9 +168,9 @@ def _close(w, c):
 
 
 @kernel
-def _quality(error, c):
-    """1 for no error, a half for that of a good fix, 0 for the greatest; 0 without targets."""
-    return c.fix_scale / (c.fix_scale + error) if c.num_targets > 0 else 0.0
+def _quality(error, scale, c):
+    """1 for no error, a half at ``scale``, 0 for the greatest; 0 without targets."""
+    return scale / (scale + error) if c.num_targets > 0 else 0.0
 
 
 @kernel
@@ -176,14 +178,16 @@ def _price(team, c, s):
     """Reward terms of the decision, the same for the whole team, into ``team`` (terms,)."""
     cycles = max(c.sub_steps * c.num_targets, 1)
     # Qualities in [0, 1], not costs: were every decision a cost, an early end would pay.
-    held = _quality(np.sqrt(s.error2 / cycles), c)
-    reachable = _quality(np.sqrt(s.bound2 / cycles), c)
+    error = np.sqrt(s.error2 / cycles)
+    held = _quality(error, c.fix_scale, c)
+    reachable = _quality(np.sqrt(s.bound2 / cycles), c.fix_scale, c)
     team[0] = c.tracking_weight * (held - reachable)
     team[1] = c.bound_weight * reachable
-    team[2] = c.hdop_weight * (1.0 - s.squashed_hdop / cycles) if c.num_targets > 0 else 0.0
-    team[3] = c.coverage_weight * s.coverage / c.sub_steps if c.fence else 0.0
-    team[4] = -c.energy_weight * s.flown_wh / (REWARD_UNIT_WH * c.num_vehicles)
-    team[5] = -c.failure_penalty * s.died / c.num_vehicles
+    team[2] = c.acquisition_weight * _quality(error, ROUGH_FIX * c.fix_scale, c)
+    team[3] = c.hdop_weight * (1.0 - s.squashed_hdop / cycles) if c.num_targets > 0 else 0.0
+    team[4] = c.coverage_weight * s.coverage / c.sub_steps if c.fence else 0.0
+    team[5] = -c.energy_weight * s.flown_wh / (REWARD_UNIT_WH * c.num_vehicles)
+    team[6] = -c.failure_penalty * s.died / c.num_vehicles
 
 
 @kernel

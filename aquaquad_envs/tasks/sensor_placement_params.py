@@ -132,6 +132,8 @@ class Params(VehicleParams):
     coverage_weight: float = 1.0
     energy_weight: float = 0.5
     failure_penalty: float = 5.0
+    #: 0 by default: pays for a quick first fix, which decides the RMSE of a mission that starts badly placed.
+    acquisition_weight: float = 0.0
 
     def __post_init__(self) -> None:
         self._complete(
@@ -211,5 +213,5 @@ _BOUNDS = (
     ("fence_speed_m_s", 0, 10, False), ("fence_cover_m", 0, 1e5, True),
     ("tracking_weight", 0, 1e6, False), ("bound_weight", 0, 1e6, False),
     ("hdop_weight", 0, 1e6, False), ("coverage_weight", 0, 1e6, False), ("energy_weight", 0, 1e6, False),
-    ("failure_penalty", 0, 1e6, False),
+    ("failure_penalty", 0, 1e6, False), ("acquisition_weight", 0, 1e6, False),
 )  # fmt: skip

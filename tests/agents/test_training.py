@@ -150,6 +150,23 @@ def test_imitation_lowers_the_error():
     assert any(not np.array_equal(before[name], after[name]) for name in before)
 
 
+def test_imitation_begins_with_the_first_decision_and_plays_later_missions_only_so_far():
+    recipe = tiny(
+        imitation_rounds=1, imitation_worlds=3, imitation_missions=5, imitation_decisions=2, imitation_epochs=1,
+        imitation_scatter=False, imitation_huber=0.1, expert="greedy",
+    )  # fmt: skip
+    params = {"scenario": "vortex", "horizon_s": 4 * 600.0}
+    recipe = dataclasses.replace(recipe, params=params)
+    model = build(recipe, seed=0, threads=1, log_folder=None)
+    counts = []
+    imitate(actor_of(model), recipe, seed=0, report=lambda number, loss, labels: counts.append(labels))
+    # At most as many drifts of 600 s as the mission has, hops being shorter; two decisions of each of four others.
+    assert counts[0] >= 3 * 4 + 4 * 3 * 2
+    short = dataclasses.replace(recipe, imitation_missions=1)
+    imitate(actor_of(model), short, seed=0, report=lambda number, loss, labels: counts.append(labels))
+    assert counts[0] - counts[1] == 4 * 3 * 2
+
+
 @pytest.mark.parametrize(
     ("task", "scenario", "algorithm", "message"),
     [

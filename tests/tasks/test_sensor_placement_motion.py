@@ -214,6 +214,17 @@ def test_coverage_counts_the_vehicles_on_their_nodes():
     assert np.isnan(batch.metrics()["tracking_rmse_m"][0]) and np.isfinite(batch.observations).all()
 
 
+def test_a_rough_fix_is_paid_for_on_request():
+    plain, hurried = (sea(8, acquisition_weight=weight) for weight in (0.0, 5.0))
+    term = REWARD_TERMS.index("acquisition")
+    for batch in (plain, hurried):
+        drift(batch)
+    assert not plain.reward_terms[..., term].any()
+    scale = 20.0 * hurried.constants.fix_scale
+    error = np.sqrt(hurried.worlds["error2_sum"] / hurried.worlds["cycles"])
+    assert hurried.reward_terms[:, 0, term] == pytest.approx(5.0 * scale / (scale + error))
+
+
 def test_terms_are_named_and_sum_to_the_reward():
     batch = sea(16, num_targets=2)
     act(batch, v0=(0.5, 0.5))
