@@ -64,7 +64,8 @@ class Options:
 
 @dataclass(frozen=True, kw_only=True)
 class PublishedOptions:
-    """Reproduce the published tables beside ours: DR-RRT* (Dillard 2014, App. C), trackers, HDOP, placement.
+    """Reproduce the published tables beside ours: DR-RRT* (Dillard 2014, App. C), trackers, HDOP, placement,
+    transponder localization (Garcia 2018).
 
     Prints the published numbers beside ours and writes published.json, published.html and its figures.
 
@@ -74,9 +75,11 @@ class PublishedOptions:
     """
 
     task: Annotated[str, arg(metavar="TASK")] = "all"
-    """drift-hop (DR-RRT*), sensor-placement (EKF and UKF, laboratory test, HDOP maps, placement), or all"""
+    """drift-hop (DR-RRT*), sensor-placement (EKF and UKF, laboratory test, HDOP maps, placement),
+    transponder-localization (look-ahead and greedy planning, consistency), or all"""
     runs: Annotated[int, arg(metavar="N")] = 1000
-    """independent runs of each variant of DR-RRT* (published: 1000)"""
+    """independent runs of each variant of DR-RRT*, and of each row of transponder localization where as many are
+    published, in proportion elsewhere (published: 1000)"""
     tracking_runs: Annotated[int, arg(metavar="N")] = 24
     """independent runs of each filter (published: 1)"""
     seed: Annotated[int, arg(metavar="N")] = 0

@@ -100,8 +100,9 @@ def shipped(task: str, scenario: str) -> Path:
     """Folder of the checkpoint in the repository for ``task`` on ``scenario``.
 
     The vortex scenarios share one; every other scenario uses the one trained on random gyres. Sensor placement
-    has one for all.
+    and transponder localization have one for all.
     """
-    if task == "sensor-placement":
-        return SHIPPED / task / "vortex"
+    alone = {"sensor-placement": "vortex", "transponder-localization": "random"}
+    if task in alone:
+        return SHIPPED / task / alone[task]
     return SHIPPED / task / ("vortex" if scenario.startswith("vortex") else "gyres")

@@ -172,7 +172,41 @@ def sensor_placement_recipe(scenario: str, algorithm: str) -> Recipe:
     )
 
 
-RECIPES = {"drift-hop": drift_hop_recipe, "sensor-placement": sensor_placement_recipe}
+def transponder_localization_recipe(scenario: str, algorithm: str) -> Recipe:
+    """The recipe of transponder localization in ``scenario`` ("random" or "current"), yaw-rate vehicle, with "ppo".
+
+    Observations know no north: one lesson serves all headings, and the policy needs no frame of its own.
+    """
+    check_choice("scenario", scenario, ("random", "current"))
+    check_choice("algorithm", algorithm, ("ppo",))
+    fields = {"field_seed": 1, "num_fields": 512} if scenario == "current" else {}
+    checks = {"field_seed": 2, "num_fields": 200} if scenario == "current" else {}
+    return Recipe(
+        task="transponder-localization",
+        scenario=scenario,
+        algorithm=algorithm,
+        num_worlds=512,
+        params={"scenario": scenario, **fields},
+        validation={"scenario": scenario, **checks},
+        # What a turn does to the geometry shows within ten of the thirty measurements.
+        algorithm_settings={**_PPO, "gamma": 0.98, "n_steps": 32},
+        initial_log_std=-1.0,
+        imitation_rounds=6,
+        expert="omlp-3",
+        imitation_worlds=512,
+        imitation_missions=1,
+        imitation_epochs=6,
+        imitation_margin_m=0.0,
+        value_warmup_frames=300_000,
+        evaluation_episodes=400,
+    )
+
+
+RECIPES = {
+    "drift-hop": drift_hop_recipe,
+    "sensor-placement": sensor_placement_recipe,
+    "transponder-localization": transponder_localization_recipe,
+}
 
 
 def make_recipe(task: str, scenario: str, algorithm: str) -> Recipe:

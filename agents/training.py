@@ -263,5 +263,14 @@ def _sensor_placement_score(metrics: dict[str, np.ndarray]) -> np.ndarray:
     return -np.log(metrics["tracking_rmse_m"]) - 0.05 * np.log1p(metrics["flight_energy_wh"]) - 5.0 * lost
 
 
+def _transponder_localization_score(metrics: dict[str, np.ndarray]) -> np.ndarray:
+    """What the planners maximise: the information at the end."""
+    return metrics["log_det"]
+
+
 #: What the best policy of a training is chosen by, each (episodes,), higher is better.
-_SCORES = {"drift-hop": _drift_hop_score, "sensor-placement": _sensor_placement_score}
+_SCORES = {
+    "drift-hop": _drift_hop_score,
+    "sensor-placement": _sensor_placement_score,
+    "transponder-localization": _transponder_localization_score,
+}

@@ -8,6 +8,7 @@ that it was constructed with.
 from __future__ import annotations
 
 import importlib
+import re
 from typing import Any, Protocol
 
 import numpy as np
@@ -47,7 +48,40 @@ POLICIES: dict[str, dict[str, str]] = {
         "hold": "baselines.hold:Hold",
         "hdop-optimal": "baselines.hdop_optimal:HdopOptimal",
     },
+    "transponder-localization": {
+        "random": "baselines.simple:Random",
+        "omlp-greedy": "baselines.omlp:OmlpGreedy",
+        "omlp-1": "baselines.omlp:Omlp",
+        "omlp-2": "baselines.omlp:Omlp",
+        "omlp-3": "baselines.omlp:Omlp",
+    },
 }
+
+#: Task -> families of policies: what their names look like, the option that the number in them is, and an example.
+FAMILIES: dict[str, tuple[tuple[str, str, str], ...]] = {
+    "transponder-localization": ((r"omlp-(\d{1,4})", "steps", "omlp-3"),),
+}
+
+
+def knows(task: str, name: str) -> bool:
+    """Whether ``name`` is a scripted policy of ``task``, listed or of a family."""
+    return name in POLICIES.get(task, {}) or any(
+        re.fullmatch(pattern, name) for pattern, *_ in FAMILIES.get(task, ())
+    )
+
+
+def find_policy(task: str, name: str) -> tuple[str, dict[str, Any]]:
+    """Where the class of policy ``name`` is, "module:class", and the options that are in its name.
+
+    ``omlp-5`` is found though only ``omlp-1`` to ``omlp-3`` are listed. Raises ``InvalidParameterError`` for an unknown name.
+    """
+    known = POLICIES.get(task, {})
+    for pattern, option, example in FAMILIES.get(task, ()):
+        found = re.fullmatch(pattern, name)
+        if found:
+            return known[example], {option: int(found[1])}
+    check_choice("policy", name, known)
+    return known[name], {}
 
 
 def make_policy(name: str, batch: Any, **options: Any) -> Policy:
@@ -55,7 +89,6 @@ def make_policy(name: str, batch: Any, **options: Any) -> Policy:
 
     ``options`` go to its class. Raises ``InvalidParameterError`` for an unknown name.
     """
-    known = POLICIES.get(batch.task.name, {})
-    check_choice("policy", name, known)
-    module, _, attribute = known[name].partition(":")
-    return getattr(importlib.import_module(module), attribute)(batch, **options)
+    where, in_name = find_policy(batch.task.name, name)
+    module, _, attribute = where.partition(":")
+    return getattr(importlib.import_module(module), attribute)(batch, **in_name, **options)

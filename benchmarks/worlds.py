@@ -1,6 +1,6 @@
 """How fast worlds step: native batches, the Gymnasium interfaces, and PPO against a zero-cost VecEnv.
 
-``python benchmarks/worlds.py`` measures all; ``--only`` takes one of batch, vector, single, team, ppo.
+``python benchmarks/worlds.py`` measures all; ``--only`` takes one of batch, vector, single, team, localization, ppo.
 
 Every figure is the best of several repetitions, in world-steps (decisions) per second; a drift decision is
 ten Runge–Kutta sub-steps with obstacles, energy and observation. Ratios compare runs that alternate in
@@ -122,6 +122,23 @@ def team() -> None:
                 )
 
 
+def localization() -> None:
+    """Raw batches of 1024 worlds of transponder localization, 30 measurements, every estimate in the loop."""
+    rng = np.random.default_rng(0)
+    cases = (
+        ("single", {"scenario": "single"}), ("four", {"scenario": "four"}),
+        ("random", {"scenario": "random"}), ("current", {"scenario": "current"}),
+        ("aquaquad", {"scenario": "deep", "vehicle": "aquaquad"}),
+    )  # fmt: skip
+    for threads in (1, 2):
+        for name, params in cases:
+            batch = aquaquad_envs.make_world_batch(
+                "transponder-localization", 1024, threads=threads, **params
+            )
+            rate = batch_rate(batch, rng.uniform(-0.5, 0.5, batch.action_shape), steps=29)
+            print(f"localization {name:8} 1024 worlds, {threads} thread(s): {rate / 1e3:6.0f} k/s")
+
+
 def single() -> None:
     """``gymnasium.Env.step`` of one world, with resets; CartPole-v1 beside it."""
     for name in ("AquaQuad/DriftHop-v0", "CartPole-v1"):
@@ -205,7 +222,7 @@ class Args:
     """Measure how fast worlds step."""
 
     only: str | None = None
-    """one of: batch, vector, single, team, ppo"""
+    """one of: batch, vector, single, team, localization, ppo"""
 
 
 if __name__ == "__main__":
@@ -215,6 +232,7 @@ if __name__ == "__main__":
         "vector": vector,
         "single": single,
         "team": team,
+        "localization": localization,
         "ppo": ppo,
     }.items():
         if chosen in (None, label):

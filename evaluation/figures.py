@@ -11,6 +11,7 @@ from aquaquad_envs.physics.currents import CurrentField
 from aquaquad_envs.physics.grids import Grid
 from aquaquad_envs.tasks.batch import WorldBatch
 from evaluation.benchmark import SuiteRun
+from evaluation.figures_localization import draw_localization, localization_title
 from evaluation.figures_team import draw_team, team_title
 from evaluation.rollouts import make_batch
 
@@ -19,6 +20,7 @@ COLOURS = {
     "random": "#7f7f7f", "drift": "#56b4e9", "direct-flight": "#e69f00", "greedy": "#f0e442",
     "dr-rrt-star": "#009e73",
     "optimal": "#0072b2", "ppo": "#d55e00", "hold": "#e69f00", "hdop-optimal": "#0072b2",
+    "omlp-greedy": "#e69f00", "omlp-1": "#56b4e9", "omlp-2": "#009e73", "omlp-3": "#0072b2",
 }  # fmt: skip
 _OTHER = "#cc79a7"
 _DRIFT, _HOP = "#0072b2", "#d55e00"
@@ -139,7 +141,10 @@ def tracks(run: SuiteRun) -> bytes:
         ):
             axis = axes[row, column]
             fastest = max(fastest, _draw_field(axis, batch, run.runs[name].worlds[episode]))
-            if batch.task.num_agents is None:
+            if "place_x" in batch.worlds.dtype.names:
+                draw_localization(axis, batch, run.runs[name], episode)
+                title = localization_title(run.runs[name], episode)
+            elif batch.task.num_agents is None:
                 _draw_track(axis, batch, run, name, episode)
                 title = _title(batch, run.runs[name].worlds[episode])
             else:
@@ -176,13 +181,14 @@ def _draw_field(axis: Any, batch: WorldBatch, world: np.ndarray) -> float:
     speed = np.hypot(*np.moveaxis(field.sample(*np.meshgrid(fine, fine), when), -1, 0))
     extent = [-half / 1e3, half / 1e3] * 2
     axis.imshow(speed, origin="lower", extent=extent, cmap="Greys", vmin=0, vmax=3 * speed.max() + 1e-9)
-    coarse = half * (np.arange(_ARROWS) + 0.5 - _ARROWS / 2) / (_ARROWS / 2)
-    x, y = np.meshgrid(coarse, coarse)
-    flow = field.sample(x, y, when)
-    axis.quiver(
-        x / 1e3, y / 1e3, flow[..., 0], flow[..., 1], color="#6b7785", scale=_ARROWS * 1.1 * speed.max() + 1e-9,
-        width=0.004, headwidth=4,
-    )  # fmt: skip
+    if speed.any():
+        coarse = half * (np.arange(_ARROWS) + 0.5 - _ARROWS / 2) / (_ARROWS / 2)
+        x, y = np.meshgrid(coarse, coarse)
+        flow = field.sample(x, y, when)
+        axis.quiver(
+            x / 1e3, y / 1e3, flow[..., 0], flow[..., 1], color="#6b7785",
+            scale=_ARROWS * 1.1 * speed.max() + 1e-9, width=0.004, headwidth=4,
+        )  # fmt: skip
     grid, clearance = ocean.clearance_grid, ocean.clearance[world["obstacle"]]
     if clearance.min() < 0:
         gx, gy = grid.nodes(*clearance.shape)

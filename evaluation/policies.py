@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import importlib
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from aquaquad_envs.errors import CheckpointError, InvalidParameterError, check_choice
 from aquaquad_envs.tasks.batch import WorldBatch
-from baselines import POLICIES, make_policy
+from baselines import POLICIES, knows, make_policy
 
 LEARNED = "ppo"
 
@@ -23,6 +24,7 @@ ABOUT = {
     "ppo": "a learned network",
     "hold": "drifts, and hops back to its start when carried too far",
     "hdop-optimal": "hops to where the predicted error of the tracks is least, energy priced",
+    "omlp-greedy": "measures next where one range tells most",
 }
 
 
@@ -40,6 +42,10 @@ def shipped_names(task: str) -> list[str]:
     return [name for name in policy_names(task) if name != LEARNED or (_CHECKPOINTS / task).is_dir()]
 
 
+def _is_of(task: str, name: str) -> bool:
+    return name == LEARNED or knows(task, name)
+
+
 def policies_by_task(tasks: Sequence[str], names: Sequence[str]) -> dict[str, list[str]]:
     """Policies of each task: of ``names`` those that it knows, all that ship by default.
 
@@ -49,11 +55,11 @@ def policies_by_task(tasks: Sequence[str], names: Sequence[str]) -> dict[str, li
         return {tasks[0]: find_policies(tasks[0], names)}
     known = list(dict.fromkeys(name for task in tasks for name in policy_names(task)))
     for name in names:
-        if ":" not in name:
+        if ":" not in name and not any(_is_of(task, name.partition("=")[0]) for task in tasks):
             check_choice("policy", name.partition("=")[0], known)
     chosen = {}
     for task in tasks:
-        theirs = [n for n in names if ":" in n or n.partition("=")[0] in policy_names(task)]
+        theirs = [n for n in names if ":" in n or _is_of(task, n.partition("=")[0])]
         chosen[task] = find_policies(task, theirs) if theirs or not names else []
     return chosen
 
@@ -67,6 +73,8 @@ def find_policies(task: str, names: Sequence[str]) -> list[str]:
     for name in names:
         if ":" in name:
             _own_class(name)
+            continue
+        if knows(task, name):
             continue
         known, _, folder = name.partition("=")
         check_choice("policy", known, policy_names(task))
@@ -101,6 +109,10 @@ def build_policy(name: str, batch: WorldBatch) -> Any:
 
 def about(name: str) -> str:
     """One line on what the policy does."""
+    found = re.fullmatch(r"omlp-(\d+)", name)
+    if found:
+        steps = "step" if found[1] == "1" else f"{found[1]} steps"
+        return f"the first of the {steps} after which the ranges tell most, planned anew each time"
     return ABOUT.get(name.partition("=")[0], "")
 
 

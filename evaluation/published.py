@@ -1,5 +1,5 @@
 """The published tables beside ours: DR-RRT* here (Dillard, NPS 2014, App. C; SPEC §6), tracking and placement in
-:mod:`evaluation.published_sensor_placement`.
+:mod:`evaluation.published_sensor_placement`, transponder localization in :mod:`evaluation.published_localization`.
 
 DR-RRT*: published vortex, constant per cell, 60 s Euler drift, published start, goal, team and target. The obstacle set
 is not published: ours is one 2 km square at the centre.
@@ -20,7 +20,14 @@ from aquaquad_envs.tasks.batch import make_world_batch
 from baselines import make_policy
 from baselines.dr_rrt_star import plan_published
 from baselines.problem import DriftHopProblem
-from evaluation import manifest, published_sensor_placement, statistics
+from evaluation import (
+    manifest,
+    published_localization,
+    published_localization_figures,
+    published_localization_tables,
+    published_sensor_placement,
+    statistics,
+)
 from evaluation.benchmark import write_json, write_text
 from evaluation.markup import DASH, definitions, escape, number, page, percent, table
 
@@ -50,7 +57,7 @@ def problem() -> tuple[DriftHopProblem, float]:
 
 
 #: Tasks with published tables.
-TASKS = ("drift-hop", "sensor-placement")
+TASKS = ("drift-hop", "sensor-placement", "transponder-localization")
 
 
 def reproduce(
@@ -65,7 +72,8 @@ def reproduce(
 ) -> dict[str, Any]:
     """Make the tables of ``tasks``; write ``published.json``, ``published.html`` and figures; returns the tables.
 
-    ``runs`` of each variant of DR-RRT*, ``tracking_runs`` of each filter. ``advance`` is called :func:`steps` times.
+    ``runs`` of each variant of DR-RRT* and of each row of transponder localization (in proportion where fewer were
+    published), ``tracking_runs`` of each filter. ``advance`` is called :func:`steps` times.
     """
     for task in tasks:
         check_choice("task", task, TASKS)
@@ -85,6 +93,9 @@ def reproduce(
         found["sensor_placement"], pictures = published_sensor_placement.reproduce(
             tracking_runs, seed, advance
         )
+    if "transponder-localization" in tasks:
+        found["localization"], drawn = published_localization.reproduce_localization(runs, seed, advance)
+        pictures |= published_localization_figures.draw(drawn)
     found["manifest"]["wall_s"] = time.perf_counter() - begun
     write_json(output / "published.json", found)
     for name, png in pictures.items():
@@ -100,7 +111,8 @@ def reproduce(
 def steps(runs: int, tracking_runs: int, tasks: Sequence[str]) -> int:
     """How often :func:`reproduce` calls ``advance``."""
     planner = len(PUBLISHED) * runs if "drift-hop" in tasks else 0
-    return planner + (published_sensor_placement.steps(tracking_runs) if "sensor-placement" in tasks else 0)
+    placement = published_sensor_placement.steps(tracking_runs) if "sensor-placement" in tasks else 0
+    return planner + placement + (published_localization.steps() if "transponder-localization" in tasks else 0)
 
 
 def _reproduce_planner(runs: int, seed: int, advance: Callable[[], None]) -> dict[str, Any]:
@@ -190,6 +202,8 @@ def section(found: dict[str, Any], pictures: dict[str, bytes] | None = None) -> 
         )
     if "sensor_placement" in found:
         parts.append(published_sensor_placement.section(found["sensor_placement"], pictures))
+    if "localization" in found:
+        parts.append(published_localization_tables.section(found["localization"], pictures))
     return "\n".join(parts)
 
 
@@ -203,11 +217,17 @@ def section_in(output: Path) -> str | None:
 
 def print_table(found: dict[str, Any], console: Any) -> None:
     """The tables on the terminal."""
+    if "rows" in found:
+        _print_planner(found, console)
+    if "sensor_placement" in found:
+        published_sensor_placement.print_tables(found["sensor_placement"], console)
+    if "localization" in found:
+        published_localization_tables.print_tables(found["localization"], console)
+
+
+def _print_planner(found: dict[str, Any], console: Any) -> None:
     from rich.table import Table
 
-    if "rows" not in found:
-        published_sensor_placement.print_tables(found["sensor_placement"], console)
-        return
     shown = Table(
         title=f"DR-RRT*, published (1000 runs) and ours ({found['runs']} runs); mean ± standard deviation",
         title_justify="left",
@@ -218,5 +238,3 @@ def print_table(found: dict[str, Any], console: Any) -> None:
     for row in _rows(found):
         shown.add_row(*(cell for k, cell in enumerate(row) if k != _INTERVAL))
     console.print(shown)
-    if "sensor_placement" in found:
-        published_sensor_placement.print_tables(found["sensor_placement"], console)

@@ -87,6 +87,11 @@ def _placement(name: str, about: str, episodes: int, **params: Any) -> Suite:
     return Suite(task="sensor-placement", name=name, about=about, params=params, episodes=episodes)
 
 
+def _localization(name: str, about: str, episodes: int, **params: Any) -> Suite:
+    params = {"scenario": name, **params}
+    return Suite(task="transponder-localization", name=name, about=about, params=params, episodes=episodes)
+
+
 _WATERS = {
     "calm": "without current",
     "vortex": "in the published vortex with its 2 km square obstacle",
@@ -142,6 +147,22 @@ SUITES: dict[str, tuple[Suite, ...]] = {
                 "ranges only, no current, no energy", episodes, scenario="grid", num_vehicles=n, num_targets=n,
             )
             for n, episodes in ((1, 24), (3, 12), (5, 4))
+        ),
+    ),
+    "transponder-localization": (
+        _localization("single", "the published transponder, start and noise, 30 measurements", 100),
+        _localization("four", "the published four transponders, start and noise, 30 measurements", 60),
+        _localization("random", "one to six transponders at random places and depths, random start", 100),
+        _localization("current", "as random, in random divergence-free currents", 100),
+        _localization(
+            "field", "the two transponders of the published field trial, its start and its noise of 1 m", 60
+        ),
+        _localization(
+            "aquaquad", "an AquaQuad that drifts and hops over one to six transponders, 500 to 2000 m deep, in a box "
+            "of 10 km with random currents", 24, scenario="deep", vehicle="aquaquad",
+        ),
+        _localization(
+            "file", "as aquaquad, in currents of an ocean model from a NetCDF file", 24, vehicle="aquaquad"
         ),
     ),
 }  # fmt: skip

@@ -188,4 +188,52 @@ TABLES: dict[str, TaskTable] = {
         ),
         notes="notes_placement.html",
     ),
+    "transponder-localization": TaskTable(
+        task="transponder-localization",
+        scoring="evaluation.scores_localization",
+        lasted="survived",
+        lasted_word="kept the vehicle",
+        shares=("survived", "diverged"),
+        robust=("rmse_m",),
+        references=("null", "bound"),
+        score_ends="0 is random, 1 the best trajectory found with known transponders, both by Σ ln det of the information "
+        "at the true positions, a transponder.",
+        score_label="score (0 random, 1 bound)",
+        distribution=(("rmse_m", "error of the estimates, m"), ("log_det", "Σ ln det Y at the end")),
+        distribution_title="Error, information and score of each policy on",
+        rank=(("rmse_m", 1),),
+        tracks_caption="The best and the median episode of each policy by error at the end. Circle: start, and first "
+        "measurement; dots: measurements; stars: transponders; orange plus and ellipse: estimates at the end and their 95 %. "
+        "Grey shade and arrows: the true current halfway through the episode; dark: obstacles.",
+        main=(
+            Column(metric="survived", heading="kept<br>the vehicle", better="more", percent=True),
+            Column(metric="rmse_m", heading="RMSE, m<br>mean", better="less", interval=True, digits=3, reliable=True),
+            Column(
+                metric="rmse_m", heading="RMSE, m<br>IQM", better="less", statistic="iqm", interval=True, digits=3,
+                reliable=True,
+            ),
+            Column(metric="log_det", heading="Σ ln det Y<br>at estimates", interval=True),
+            Column(metric="log_det_true", heading="Σ ln det Y<br>at truth", better="more", interval=True),
+            Column(metric="below_bound", heading="below bound,<br>a transponder", better="less"),
+            Column(metric="nees", heading="NEES<br>(3 is right)", interval=True),
+            Column(metric="diverged", heading="diverged", better="less", percent=True),
+            _SCORE,
+        ),
+        strata=9,
+        pairings=(
+            Pairing(
+                metric="rmse_m", less_is_better=True, digits=3,
+                headings=("seeds", "RMSE, m:<br>first − second", "first errs<br>less"),
+            ),
+            Pairing(
+                metric="log_det_true", less_is_better=False,
+                headings=("seeds", "Σ ln det at truth:<br>first − second", "first knows<br>more"),
+            ),
+        ),
+        terminal=(
+            ("RMSE m", "rmse_m", "mean"), ("95 %", "rmse_m", "ci95"), ("ln det", "log_det", "mean"),
+            ("at truth", "log_det_true", "mean"), ("NEES", "nees", "mean"), ("diverged", "diverged", "percent"),
+        ),
+        notes="notes_localization.html",
+    ),
 }  # fmt: skip

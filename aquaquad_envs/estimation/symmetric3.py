@@ -40,9 +40,16 @@ def determinant3(y):
 
 @kernel
 def log_determinant3(y):
-    """Natural logarithm of det Y; -inf where Y is not positive definite to rounding."""
-    value = determinant3(y)
-    return np.log(value) if value > 0.0 else -np.inf
+    """Natural logarithm of det Y; -inf where Y is not positive definite to rounding.
+
+    By the pivots of its Cholesky factor, which keep the digits that sums of products lose when one range is worth far
+    more than the prior.
+    """
+    first = y[0]
+    second = y[3] - y[1] * y[1] / first
+    mixed = y[4] - y[1] * y[2] / first
+    third = y[5] - y[2] * y[2] / first - mixed * mixed / second
+    return np.log(first * second * third) if first > 0.0 and second > 0.0 and third > 0.0 else -np.inf
 
 
 @kernel

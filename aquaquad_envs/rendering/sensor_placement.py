@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from aquaquad_envs.estimation.hdop import SCALE_95, hdop
-from aquaquad_envs.rendering.canvas import Canvas, Color, Point
+from aquaquad_envs.estimation.hdop import hdop
+from aquaquad_envs.rendering.beliefs import BELIEF, TARGET, estimate_mark, paint_ellipse, target_mark
+from aquaquad_envs.rendering.canvas import Canvas, Point
 from aquaquad_envs.rendering.chart import INK, QUIET
 from aquaquad_envs.rendering.sea import (
     GOAL,
@@ -27,10 +28,7 @@ from aquaquad_envs.rendering.sea import (
 from aquaquad_envs.sensing.measurements import KINDS, measurement_std
 from aquaquad_envs.tasks.sensor_placement_data import RUNNING, TIME_OUT
 
-TARGET: Color = (150, 0, 90)
-BELIEF: Color = (204, 121, 167)
-#: Points of an ellipse.
-_ROUND = np.linspace(0.0, 2.0 * np.pi, 49)
+__all__ = ["BELIEF", "TARGET", "Picture"]
 
 
 class Picture(SeaPicture):
@@ -87,14 +85,8 @@ class Picture(SeaPicture):
                 wreck(canvas, place)
 
     def _paint_belief(self, canvas: Canvas, world: np.void, k: int) -> None:
-        covariance = np.array(world["covariance"][k][:2, :2])
-        spread, axes = np.linalg.eigh(covariance)
-        radii = SCALE_95 * np.sqrt(np.maximum(spread, 0.0))
-        outline = axes @ (radii[:, None] * np.stack([np.cos(_ROUND), np.sin(_ROUND)]))
         x, y = world["estimate"][k][:2]
-        points = [self.view.pixel(x + dx, y + dy) for dx, dy in outline.T]
-        canvas.lines(points, WHITE, 5)
-        canvas.lines(points, BELIEF, 3)
+        paint_ellipse(canvas, self.view, (x, y), np.array(world["covariance"][k][:2, :2]))
         estimate_mark(canvas, self.view.pixel(x, y))
 
     def paint_state(self, canvas: Canvas, world: np.void) -> None:
@@ -162,21 +154,6 @@ class SimpleRecord(SimpleNamespace):
 
     def __getitem__(self, name: str) -> Any:
         return getattr(self, name)
-
-
-def target_mark(canvas: Canvas, center: Point) -> None:
-    """A diamond."""
-    x, y = center
-    for size, color in ((9.0, WHITE), (7.0, TARGET)):
-        canvas.polygon([(x, y - size), (x + size, y), (x, y + size), (x - size, y)], color)
-
-
-def estimate_mark(canvas: Canvas, center: Point) -> None:
-    """A cross."""
-    x, y = center
-    for width, color in ((4.5, WHITE), (2.5, BELIEF)):
-        canvas.lines([(x - 6, y), (x + 6, y)], color, width)
-        canvas.lines([(x, y - 6), (x, y + 6)], color, width)
 
 
 def wreck(canvas: Canvas, center: Point) -> None:

@@ -16,7 +16,10 @@ from aquaquad_envs.errors import InvalidParameterError, check_choice
 TASKS = {
     "drift-hop": ("AquaQuad/DriftHop-v0", "single", "aquaquad_envs.tasks.drift_hop"),
     "sensor-placement": ("AquaQuad/SensorPlacement-v0", "team", "aquaquad_envs.tasks.sensor_placement"),
-}
+    "transponder-localization": (
+        "AquaQuad/TransponderLocalization-v0", "single", "aquaquad_envs.tasks.transponder_localization",
+    ),
+}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -98,7 +98,8 @@ def test_names_choose_tasks():
     with pytest.raises(InvalidParameterError, match="Did you mean 'fence'"):
         find_tasks(None, ["fense"])
     chosen = policies_by_task(list(SUITES), ["drift", "hold", "greedy"])
-    assert chosen == {"drift-hop": ["drift", "greedy"], "sensor-placement": ["drift", "hold"]}
+    assert chosen.pop("drift-hop") == ["drift", "greedy"]
+    assert chosen.pop("sensor-placement") == ["drift", "hold"] and not any(chosen.values())
     assert policies_by_task(list(SUITES), [])["sensor-placement"] == shipped_names("sensor-placement")
     with pytest.raises(InvalidParameterError, match="Did you mean 'hold'"):
         policies_by_task(list(SUITES), ["hodl"])

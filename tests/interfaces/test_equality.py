@@ -12,8 +12,12 @@ from aquaquad_envs.tasks.task import TASKS
 SINGLE = {name: env_id for name, (env_id, agents, _) in TASKS.items() if agents == "single"}
 #: Parameters under which random actions end episodes soon, by task; a new task runs with its defaults.
 PARAMS = {
-    "drift-hop": {"scenario": "gyres", "num_fields": 8, "current_noise_m_s": 0.05, "horizon_s": 4 * 3600.0}
-}
+    "drift-hop": {"scenario": "gyres", "num_fields": 8, "current_noise_m_s": 0.05, "horizon_s": 4 * 3600.0},
+    "transponder-localization": {
+        "scenario": "current", "num_fields": 8, "num_transponders": 2, "current_noise_m_s": 0.05, "outlier_share": 0.1,
+        "sound_speed_error": 0.01, "robust_threshold": 2.0,
+    },
+}  # fmt: skip
 WORLDS, SEED, DECISIONS = 5, 20, 60
 
 

@@ -8,7 +8,13 @@ import aquaquad_envs
 from aquaquad_envs.tasks.task import TASKS
 
 SINGLE = [name for name, (_, agents, _) in TASKS.items() if agents == "single"]
-SHORT = {"drift-hop": {"horizon_s": 600.0, "scenario": "vortex-perturbed"}}
+SHORT = {
+    "drift-hop": {"horizon_s": 600.0, "scenario": "vortex-perturbed"},
+    "transponder-localization": {
+        "scenario": "deep", "vehicle": "aquaquad", "num_fields": 2, "solar": "constant", "half_width_m": 2000.0,
+        "spread_m": 1000.0, "num_measurements": 4,
+    },
+}  # fmt: skip
 
 
 def make(task="drift-hop", worlds=4, **params):
