@@ -141,8 +141,8 @@ def sensor_placement_recipe(scenario: str, algorithm: str) -> Recipe:
     params: dict[str, Any] = {
         "scenario": scenario,
         "measurement": "tdoa",
-        "failure_penalty": 20.0,
-        "acquisition_weight": 5.0,
+        "failure_penalty": 40.0,
+        "acquisition_weight": 10.0,
     }
     fields = {"field_seed": 1, "num_fields": 512} if scenario == "gyres" else {}
     checks = {"field_seed": 2, "num_fields": 200} if scenario == "gyres" else {}
@@ -162,10 +162,10 @@ def sensor_placement_recipe(scenario: str, algorithm: str) -> Recipe:
         expert="hdop-optimal",
         imitation_worlds=128,
         # The first decisions decide the RMSE of a mission that starts badly placed, and are few among all.
-        imitation_missions=16,
+        imitation_missions=24,
         imitation_decisions=4,
         imitation_huber=0.1,
-        imitation_epochs=8,
+        imitation_epochs=6,
         imitation_margin_m=50.0,
         value_warmup_frames=300_000,
         evaluation_episodes=100,

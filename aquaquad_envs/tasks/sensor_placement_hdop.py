@@ -13,8 +13,9 @@ from aquaquad_envs.estimation.hdop import hdop_of_information
 from aquaquad_envs.sensing.measurements import TDOA, measurement_gradient, measurement_std
 from aquaquad_envs.tasks.sensor_placement_data import FORMATIONS, HEADINGS_DEG
 
-_COS = np.cos(np.radians(HEADINGS_DEG))
-_SIN = np.sin(np.radians(HEADINGS_DEG))
+#: Of the headings of hops that are looked at.
+COS = np.cos(np.radians(HEADINGS_DEG))
+SIN = np.sin(np.radians(HEADINGS_DEG))
 
 
 @kernel
@@ -108,7 +109,7 @@ def present_formation(w, lanes, c, s):
 
 
 @kernel
-def _direction_of_nearest(w, i, c):
+def direction_of_nearest(w, i, c):
     """Unit vector from vehicle ``i`` to the nearest estimate."""
     least = np.inf
     ux = 1.0
@@ -137,8 +138,8 @@ def hdops_of_changes(w, c, s):
     for i in range(c.num_vehicles):
         first = 1 + FORMATIONS * i
         s.lane_weight[i, first] = 0.0
-        ux, uy = _direction_of_nearest(w, i, c)
-        for k in range(_COS.size):
-            s.lane_x[i, first + 1 + k] += reach * (_COS[k] * ux - _SIN[k] * uy)
-            s.lane_y[i, first + 1 + k] += reach * (_SIN[k] * ux + _COS[k] * uy)
+        ux, uy = direction_of_nearest(w, i, c)
+        for k in range(COS.size):
+            s.lane_x[i, first + 1 + k] += reach * (COS[k] * ux - SIN[k] * uy)
+            s.lane_y[i, first + 1 + k] += reach * (SIN[k] * ux + COS[k] * uy)
     believed_hdops(w, lanes, c, s)

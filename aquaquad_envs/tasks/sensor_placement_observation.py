@@ -24,7 +24,10 @@ from aquaquad_envs.tasks.sensor_placement_data import (
     RUNNING,
 )
 from aquaquad_envs.tasks.sensor_placement_hdop import (
+    COS,
+    SIN,
     believed_hdops,
+    direction_of_nearest,
     hdops_of_changes,
     present_formation,
     squash,
@@ -37,6 +40,7 @@ OLD_DECISIONS = 6.0
 _OWN = (
     "x", "y", "battery", "sin local time", "cos local time", "time left", "vehicles", "on the water",
     "current u", "current v", "obstacle distance", "obstacle direction x", "obstacle direction y",
+    "room", *(f"room after hop {heading}°" for heading in HEADINGS_DEG),
     "HDOP", "HDOP share", *(f"HDOP after hop {heading}°" for heading in HEADINGS_DEG),
     "coverage", "fence dx", "fence dy", "gap dx", "gap dy",
 )  # fmt: skip
@@ -51,8 +55,8 @@ OBSERVATION_NAMES = (
     *(f"target {k} {name}" for k in range(1, MAX_TARGETS + 1) for name in _TARGET),
 )
 SIZE = len(OBSERVATION_NAMES)
-_CURRENT, _OBSTACLE, _HDOP, _FENCE = (
-    _OWN.index(name) for name in ("current u", "obstacle distance", "HDOP", "coverage")
+_CURRENT, _OBSTACLE, _ROOM, _HDOP, _FENCE = (
+    _OWN.index(name) for name in ("current u", "obstacle distance", "room", "HDOP", "coverage")
 )
 _VEHICLES, _TARGETS = len(_OWN), len(_OWN) + (MAX_VEHICLES - 1) * len(_VEHICLE)
 _VEHICLE_WIDTH, _TARGET_WIDTH = len(_VEHICLE), len(_TARGET)
@@ -190,6 +194,27 @@ def _own_part(w, i, out, alive, ocean, c):
     out[_OBSTACLE + 2] = unit(dy)
 
 
+@kernel
+def _room(x, y, w, ocean, c):
+    """Distance, m, to what ends a vehicle at (x, y): the nearest obstacle or edge of the box; negative beyond."""
+    clear = clearance_at(ocean.clearance, w.obstacle, ocean.clearance_grid, x, y)
+    return min(clear, c.half_width - max(abs(x), abs(y)))
+
+
+@loop_kernel
+def _room_part(w, i, out, ocean, c):
+    """Room here, and where full hops would land on each heading from the direction of the nearest estimate."""
+    x = w.x[i]
+    y = w.y[i]
+    reach = c.vehicle_speed * c.action_period if c.steered else c.max_hop
+    out[_ROOM] = unit(_room(x, y, w, ocean, c) / reach)
+    ux, uy = direction_of_nearest(w, i, c)
+    for k in range(COS.size):
+        landing_x = x + reach * (COS[k] * ux - SIN[k] * uy)
+        landing_y = y + reach * (SIN[k] * ux + COS[k] * uy)
+        out[_ROOM + 1 + k] = unit(_room(landing_x, landing_y, w, ocean, c) / reach)
+
+
 @loop_kernel
 def observe_world(w, members, observations, ocean, c, s):
     """Observations (A, SIZE), in [-1, 1], of the vehicles where ``members`` (8,) is true; zeros of the others."""
@@ -205,6 +230,7 @@ def observe_world(w, members, observations, ocean, c, s):
         if not members[i]:
             continue
         _own_part(w, i, out, alive, ocean, c)
+        _room_part(w, i, out, ocean, c)
         out[3] = sine
         out[4] = cosine
         if c.num_targets > 0:

@@ -230,3 +230,24 @@ def test_terms_are_named_and_sum_to_the_reward():
     act(batch, v0=(0.5, 0.5))
     assert batch.reward_terms.shape == (16, 4, len(REWARD_TERMS))
     assert batch.rewards == pytest.approx(batch.reward_terms.sum(-1))
+
+
+def test_room_is_the_way_to_the_edge_or_to_an_obstacle():
+    batch = drift(sea(20, at=[(4000.0, 100.0), (0.0, -4990.0), (2500.0, 2500.0), (-3000.0, 0.0)]))
+    walled = drift(sea(1, at=[(1500.0, 0.0)], obstacles=((-1000.0, -1000.0, 1000.0, 1000.0),)))
+    reach = batch.params.max_hop_m
+    assert seen(walled, "room") == pytest.approx(500.0 / reach, rel=0.02)
+    for world in range(20):
+        w = batch.worlds[world]
+        for vehicle in range(4):
+            here = np.array([w["x"][vehicle], w["y"][vehicle]])
+            towards = w["estimate"][0, :2] - here
+            heading = np.arctan2(towards[1], towards[0])
+            assert seen(batch, "room", vehicle, world) == pytest.approx(
+                min((5000.0 - np.abs(here).max()) / reach, 1.0), abs=1e-5
+            )
+            for turn in (0, 90, 225):
+                angle = heading + np.radians(turn)
+                landing = here + reach * np.array([np.cos(angle), np.sin(angle)])
+                room = np.clip((5000.0 - np.abs(landing).max()) / reach, -1.0, 1.0)
+                assert seen(batch, f"room after hop {turn}°", vehicle, world) == pytest.approx(room, abs=1e-5)
