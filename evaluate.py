@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from tyro.conf import arg
 
-from aquaquad_envs.errors import AquaQuadError, check_choice
+from aquaquad_envs.errors import AquaQuadError, InvalidParameterError, check_choice
 
 CRASHED, WRONG_INPUT, INTERRUPTED = 1, 2, 130
 
@@ -32,6 +32,7 @@ class Options:
       python evaluate.py
       python evaluate.py --suite gyres --policies direct-flight,dr-rrt-star,ppo --episodes 300
       python evaluate.py --suite file --currents ocean.nc --currents-center 36.6 -122.2
+      python evaluate.py --task transponder-localization --survey two_way_times.txt
       python evaluate.py published --runs 1000
 
     `python evaluate.py published` reproduces the published tables beside ours
@@ -58,6 +59,15 @@ class Options:
         None
     )
     """degrees north and east of the middle of the box in that file (default: the middle of its data)"""
+    survey: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")] = None
+    """recorded two-way times (docs/localization.md): no suites, but where that transponder is, and --policies (also
+    survey-order) choosing among the recorded places, --episodes times (default 20), in survey.html"""
+    survey_reach: Annotated[float | None, arg(metavar="M", help_behavior_hint="")] = None
+    """how far the next recorded place may be, m (default: ten times the usual distance between consecutive ones)"""
+    survey_measurements: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
+    """replies of each run through the survey (default: 30, or all)"""
+    survey_sound_speed: Annotated[float | None, arg(metavar="M/S", help_behavior_hint="")] = None
+    """mean speed of sound there, m/s (default: estimated from the survey)"""
     output: Annotated[Path, arg(metavar="DIR")] = Path("runs/evaluation")
     """folder of the report"""
 
@@ -141,6 +151,31 @@ def benchmark(options: Options, arguments: list[str], console: Console) -> int:
     return status
 
 
+def survey(options: Options, arguments: list[str], console: Console) -> int:
+    """Solve and replay the recorded survey that ``options`` name; returns the exit status."""
+    from evaluation.survey import content, run_survey, write_survey
+    from evaluation.survey_replay import TASK
+    from evaluation.survey_report import print_survey
+
+    assert options.survey is not None
+    check_choice("task", options.task or TASK, (TASK,))
+    for name, value in (("--suite", options.suite), ("--currents", options.currents)):
+        if value:
+            raise InvalidParameterError(name, value, "nothing beside --survey", "Run one after the other.")
+    with Progress(TextColumn("{task.description}"), console=console, transient=True) as progress:
+        bar = progress.add_task("reading")
+        run = run_survey(
+            options.survey, policies=_split(options.policies), reach_m=options.survey_reach,
+            measurements=options.survey_measurements, sound_speed_m_s=options.survey_sound_speed,
+            runs=20 if options.episodes is None else options.episodes, seed=options.seed, arguments=arguments,
+            advance=lambda what: progress.update(bar, description=what),
+        )  # fmt: skip
+        report = write_survey(run, options.output)
+    print_survey(run, content(run), console)
+    console.print(f"Report in {report}", soft_wrap=True)
+    return 0
+
+
 def published(options: PublishedOptions, arguments: list[str], console: Console) -> int:
     """Reproduce the published tables; returns the exit status."""
     from evaluation.published import TASKS, print_table, reproduce, steps
@@ -177,6 +212,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             )
             return published(chosen, given, console)
         options = tyro.cli(Options, prog="evaluate.py", args=given, description=inspect.getdoc(Options))
+        if options.survey is not None:
+            return survey(options, given, console)
         return benchmark(options, given, console)
     except AquaQuadError as error:
         print(f"evaluate.py: {error}", file=sys.stderr)

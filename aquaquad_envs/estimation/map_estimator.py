@@ -130,7 +130,7 @@ def estimate_transponders(
     huber: float = 0.0,
     mirror: bool = True,
     tolerance_m: float = 1e-6,
-    max_iterations: int = 200,
+    max_iterations: int = 1000,
 ) -> PointEstimates:
     """Maximum a-posteriori place of every transponder of a batch of shape (...).
 

@@ -6,8 +6,8 @@ An error of the position where range i was taken acts along the line of sight h_
     σ_i² = σ² + Σ_k h_ik² σ_ik².
 
 σ, the ranging itself, is that at which the normalised residuals u_i = e_i / σ_i are as large as they should be:
-Σ min(u_i², k²) = (n - m) E min(χ²₁, k²), n ranges, m unknowns (Huber's proposal 2; k = ∞: Σ u² = n - m). It stands
-up to gross outliers of a third of the ranges at k = 1.345, and to none at k = ∞.
+Σ min(u_i², k²) = (n - m) E min(χ²₁, k²), n ranges, m unknowns (Huber's proposal 2; k = ∞: Σ u² = n - m). It breaks
+down at a share E min(χ²₁, k²) / k² of gross outliers: a half at k = 1, 39 % at k = 1.345, none at k = ∞.
 """
 
 from __future__ import annotations
