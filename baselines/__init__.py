@@ -73,7 +73,8 @@ def knows(task: str, name: str) -> bool:
 def find_policy(task: str, name: str) -> tuple[str, dict[str, Any]]:
     """Where the class of policy ``name`` is, "module:class", and the options that are in its name.
 
-    ``omlp-5`` is found though only ``omlp-1`` to ``omlp-3`` are listed. Raises ``InvalidParameterError`` for an unknown name.
+    ``omlp-5`` is found though only ``omlp-1`` to ``omlp-3`` are listed. Raises ``InvalidParameterError`` for an
+    unknown name.
     """
     known = POLICIES.get(task, {})
     for pattern, option, example in FAMILIES.get(task, ()):

@@ -1,14 +1,14 @@
 """The trajectory that would localize transponders best if one knew where they are: the bound of the task's score.
 
-All actions u_1 ... u_{N-1} of an episode at once maximise Σ_m ln det(P0⁻¹ + σ⁻² Σ_n h_mn h_mnᵀ), h taken at the *true*
-positions, in the *true* currents, every reply expected (:func:`~baselines.omlp_value.value_and_slope` with the horizon of the
-whole episode; hops are free as far as the battery carries). The vehicle follows it open loop.
+All actions u_1 ... u_{N-1} of an episode at once maximise Σ_m ln det(P0⁻¹ + σ⁻² Σ_n h_mn h_mnᵀ), h taken at the
+*true* positions, in the *true* currents, every reply expected (:func:`~baselines.omlp_value.value_and_slope` with the
+horizon of the whole episode; hops are free as far as the battery carries). The vehicle follows it open loop.
 
 The problem has many local optima, and no method here proves the global one. Climbs start from receding-horizon plans
-with known transponders, from the tree of :mod:`baselines.omlp_search` over the whole horizon, and from sequences of random and of
-constant steps; the best ones go on until they stand still, and are then shaken and climbed again. What is returned is a lower
-estimate of the bound, :attr:`KnownTransponders.spread` what the starts differed by. The draws are the same for every
-world: the plan of a world depends on nothing else.
+with known transponders, from the tree of :mod:`baselines.omlp_search` over the whole horizon, and from sequences of
+random and of constant steps; the best ones go on until they stand still, and are then shaken and climbed again. What
+is returned is a lower estimate of the bound, :attr:`KnownTransponders.spread` what the starts differed by. The draws
+are the same for every world: the plan of a world depends on nothing else.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from aquaquad_envs.compilation import loop_kernel
+from aquaquad_envs.compilation import kernel, loop_kernel
 from aquaquad_envs.errors import InvalidParameterError, check_range
 from aquaquad_envs.estimation.symmetric3 import add_line_of_sight
 from aquaquad_envs.physics.vehicle import flight_energy_wh
@@ -52,7 +52,11 @@ class KnownTransponders:
     information = "the transponders' true positions and the true currents"
 
     def __init__(
-        self, batch: Any, *, shakes: int = _SHAKES, memory: dict[bytes, tuple[np.ndarray, float, float]] | None = None
+        self,
+        batch: Any,
+        *,
+        shakes: int = _SHAKES,
+        memory: dict[bytes, tuple[np.ndarray, float, float]] | None = None,
     ) -> None:
         if batch.task.name != "transponder-localization":
             raise InvalidParameterError("task", batch.task.name, "transponder-localization")
@@ -119,7 +123,9 @@ class KnownTransponders:
         if c.vehicle != AQUAQUAD:
             return True
         hops = c.max_hop * np.hypot(*plan.T).sum()
-        spent = flight_energy_wh(hops, c.airspeed, c.flight_power) + c.base_power * c.period * self.steps / 3600.0
+        spent = (
+            flight_energy_wh(hops, c.airspeed, c.flight_power) + c.base_power * c.period * self.steps / 3600.0
+        )
         return bool(spent < w["battery_wh"])
 
 
@@ -136,20 +142,20 @@ def _draws(steps: int, shakes: int) -> tuple[np.ndarray, np.ndarray]:
     return np.array(rows), _SHAKEN * draw.normal(size=(shakes, steps, 2))
 
 
-@loop_kernel
-def _known_scene(w, x, y, heading, time, information, c):
+@kernel
+def _known_scene(w, x, y, heading, time, targets, information, c):
     return Scene(
-        x, y, heading, time, w.truth, w.obstacle, affordable(w, c), w.num_transponders, w.target, information
+        x, y, heading, time, w.truth, w.obstacle, affordable(w, c), w.num_transponders, targets, information
     )
 
 
 @loop_kernel
-def _recede(w, steps, ahead, grids, tree, information, plan, ocean, c, worth):
+def _recede(w, steps, ahead, grids, tree, targets, information, plan, ocean, c, worth):
     """The receding-horizon plan of ``ahead`` steps with known transponders into ``plan``; changes ``information``."""
     x, y, heading = w.x, w.y, w.heading
     for j in range(steps):
         time = w.clock_s + w.time_s + j * c.period
-        scene = _known_scene(w, x, y, heading, time, information, c)
+        scene = _known_scene(w, x, y, heading, time, targets, information, c)
         best_plan(scene, min(ahead, steps - j), grids, tree, ocean, c, worth)
         plan[j, 0], plan[j, 1] = tree.best[0, 0], tree.best[0, 1]
         x, y, heading = advance(x, y, heading, time, w.truth, plan[j, 0], plan[j, 1], ocean, c)
@@ -160,8 +166,10 @@ def _recede(w, steps, ahead, grids, tree, information, plan, ocean, c, worth):
 
 
 @loop_kernel
-def _first_information(w, information, c, worth):
+def _first_information(w, targets, information, c, worth):
     for m in range(w.num_transponders):
+        for i in range(3):
+            targets[m, i] = w.target[m, i]
         true_information(w, m, c.prior_information, worth.weight, information[m])
 
 
@@ -174,9 +182,10 @@ def _copy(a, b):
 
 @loop_kernel
 def full_plan(worlds, short, long, starts, noise, plan, ends, ocean, c, worth):
-    """The best trajectory of the first of ``worlds`` into ``plan``; its value and the worst of the best starts' in ``ends``."""
+    """The best trajectory of the first of ``worlds`` into ``plan``; ``ends``: its value, the worst best start's."""
     w = worlds[0]
     steps = plan.shape[0]
+    targets = np.zeros((MAX_TRANSPONDERS, 3))
     information = np.zeros((MAX_TRANSPONDERS, 6))
     tree = make_tree(steps, long.points.shape[1], MAX_TRANSPONDERS)
     near = make_tree(short.points.shape[0], short.points.shape[1], MAX_TRANSPONDERS)
@@ -186,10 +195,10 @@ def full_plan(worlds, short, long, starts, noise, plan, ends, ocean, c, worth):
     plans = np.zeros((count, steps, 2))
     values = np.full(count, -np.inf)
     for k in range(receding):
-        _first_information(w, information, c, worth)
-        _recede(w, steps, k + 1, short, near, information, plans[k], ocean, c, worth)
-    _first_information(w, information, c, worth)
-    scene = _known_scene(w, w.x, w.y, w.heading, w.clock_s + w.time_s, information, c)
+        _first_information(w, targets, information, c, worth)
+        _recede(w, steps, k + 1, short, near, targets, information, plans[k], ocean, c, worth)
+    _first_information(w, targets, information, c, worth)
+    scene = _known_scene(w, w.x, w.y, w.heading, w.clock_s + w.time_s, targets, information, c)
     search_leaves(scene, long, steps, tree, ocean, c, worth)
     pick = 0
     for g in range(long.sizes[steps - 1]):
@@ -200,7 +209,9 @@ def full_plan(worlds, short, long, starts, noise, plan, ends, ocean, c, worth):
     for k in range(starts.shape[0]):
         for j in range(steps):
             ux, uy = starts[k, j, 0], starts[k, j, 1]
-            plans[receding + 1 + k, j, 0], plans[receding + 1 + k, j, 1] = feasible(scene, 1.0, 1.0, ux, uy, c)
+            plans[receding + 1 + k, j, 0], plans[receding + 1 + k, j, 1] = feasible(
+                scene, 1.0, 1.0, ux, uy, c
+            )
     for k in range(count):
         values[k] = climb(scene, plans[k], steps, _FIRST, _TOLERANCE, trail, ocean, c, worth)
     best = -np.inf

@@ -1,8 +1,8 @@
-"""``omlp-greedy``, ``omlp-1``, ``omlp-2``, ``omlp-3``, ``omlp-K``: measure next where k more ranges tell most, and look again.
+"""``omlp-greedy``, ``omlp-1`` ... ``omlp-3``, ``omlp-K``: measure next where K ranges tell most, and look again.
 
-Optimal measurement location planning (SPEC §8; Garcia, UC Riverside 2018, ch. 4): at every decision the k steps with the
-greatest Σ ln det of the information about all transponders, linearised about their estimates; the first of them is
-made. Value: :mod:`baselines.omlp_value`; search, ties, and what is exact: :mod:`baselines.omlp_search`.
+Optimal measurement location planning (SPEC §8; Garcia, UC Riverside 2018, ch. 4): at every decision the k steps with
+the greatest Σ ln det of the information about all transponders, linearised about their estimates; the first of them
+is made. Value: :mod:`baselines.omlp_value`; search, ties, and what is exact: :mod:`baselines.omlp_search`.
 """
 
 from __future__ import annotations
@@ -28,17 +28,18 @@ _LEAST_MARGIN, _MOST_MARGIN = 0.01, 0.4
 def worth_of(batch: Any, *, priced: bool = True) -> Worth:
     """What plans in the worlds of ``batch`` are judged by; hops cost what the reward charges if ``priced``.
 
-    The margin leaves room for a U-turn of a vehicle that cannot stop, and for a period's drift.
+    The margin leaves room for a period's drift.
     """
     c, ocean = batch.constants, batch.ocean
-    hop_wh = flight_energy_wh(c.max_hop, c.airspeed, c.flight_power) if c.vehicle == AQUAQUAD else 0.0
-    price = c.energy_weight * hop_wh / REWARD_UNIT_WH / c.information_weight if c.information_weight > 0 else 0.0
+    weight = 1.0 / c.sigma**2
+    if c.vehicle != AQUAQUAD:
+        return Worth(weight, 0.0, 0.0)
+    hop_wh = flight_energy_wh(c.max_hop, c.airspeed, c.flight_power)
+    paid = priced and c.information_weight > 0
+    price = c.energy_weight * hop_wh / REWARD_UNIT_WH / c.information_weight if paid else 0.0
     swept = 0.0 if c.still_water else c.period * float(np.hypot(*np.moveaxis(ocean.velocity, -1, 0)).max())
-    turn = 0.0
-    if c.vehicle == YAW_RATE:
-        turn = 2.0 * c.speed / c.yaw_limit if c.yaw_limit > 0 else np.inf
-    margin = np.clip(turn + swept, _LEAST_MARGIN * c.half_width, _MOST_MARGIN * c.half_width)
-    return Worth(1.0 / c.sigma**2, float(price) if priced else 0.0, float(margin))
+    margin = np.clip(swept, _LEAST_MARGIN * c.half_width, _MOST_MARGIN * c.half_width)
+    return Worth(weight, float(price), float(margin))
 
 
 class Omlp:
@@ -47,13 +48,17 @@ class Omlp:
     Raises ``InvalidParameterError`` for worlds with discrete actions or of another task, or steps outside 1 to 64.
     """
 
-    information = "its own place and heading, the estimates and their information, the forecast, all obstacles"
+    information = (
+        "its own place and heading, the estimates and their information, the forecast, all obstacles"
+    )
 
     def __init__(self, batch: Any, *, steps: int = 3) -> None:
         if batch.task.name != "transponder-localization":
             raise InvalidParameterError("task", batch.task.name, "transponder-localization")
         require_continuous_actions(batch)
-        check_range("steps", steps, 1, MOST_STEPS, remedy="It is the number in the policy's name, as in omlp-3.")
+        check_range(
+            "steps", steps, 1, MOST_STEPS, remedy="It is the number in the policy's name, as in omlp-3."
+        )
         self.batch = batch
         self.steps = int(steps)
         self.worth = worth_of(batch)

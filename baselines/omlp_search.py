@@ -8,8 +8,8 @@ For d = 1 ... k steps in turn, the best plan of d steps is the best of
 each moved uphill (:func:`~baselines.omlp_value.climb`). The first makes k steps never worth less than k - 1 and one
 more. The tree visits *every* sequence of grid steps: each edge costs one rank-one update a transponder
 (:func:`~aquaquad_envs.estimation.range_information.take_range`). Where sequences would be too many the grid is
-coarser, and at last the horizon is cut into blocks of equal steps (:func:`make_grids`): the tree is still exact over that
-grid, and the climb frees every step.
+coarser, and at last the horizon is cut into blocks of equal steps (:func:`make_grids`): the tree is still exact over
+that grid, and the climb frees every step.
 
 Ties: a later candidate replaces an earlier one only if it is worth more than ``TIE`` more. Grid steps come by size
 |u|, then turns to the left (positive yaw rate) first, free steps anticlockwise from east; sequences in that order of
@@ -33,8 +33,8 @@ from baselines.omlp_value import Scene, Trail, advance, climb, fence, make_trail
 TIE = 1e-7
 #: Parts of a horizon that have steps of their own in the tree.
 MOST_BLOCKS = 7
-#: Yaw rates of the grid by the number of blocks in a tree: at most 3125 sequences. Odd, so that 0 is among them. Ten times
-#: as many sequences change the plans of 1 to 3 steps by less than 1e-3 in ln det: the climb does the rest.
+#: Yaw rates of the grid by the number of blocks in a tree: at most 3125 sequences. Odd, so that 0 is among them. Ten
+#: times as many sequences change the plans of 1 to 3 steps by less than 1e-3 in ln det: the climb does the rest.
 _TURNS = (31, 13, 7, 5, 5, 3, 3)
 #: Directions of a free step at each share of the longest, by the number of blocks: at most 4096 sequences.
 _RINGS: tuple[dict[float, int], ...] = (
@@ -46,8 +46,8 @@ _RINGS: tuple[dict[float, int], ...] = (
 class Grids(NamedTuple):
     """Grids of the trees of d = 1, 2, ... steps, rows d - 1.
 
-    points (k, n, 2) in order of ties, sizes (k,): how many count, blocks (k, MOST_BLOCKS): equal steps in each block, levels
-    (k,): blocks that count; starts: first steps whose leaves are climbed from; most, tolerance: of the climb.
+    points (k, n, 2) in order of ties, sizes (k,): how many count, blocks (k, MOST_BLOCKS): equal steps in each block,
+    levels (k,): blocks that count; starts: first steps whose leaves are climbed from; most, tolerance: of the climb.
     """
 
     points: np.ndarray
@@ -119,7 +119,7 @@ def make_tree(steps, width, most_targets):
 def _step_gain(scene, covariance, after, x, y, update, worth):
     """Ln det gained by ranging from (x, y); writes the covariances after it where ``update``."""
     gain = 1.0
-    for m in range(scene.count):
+    for m in range(scene.number):
         dx = scene.targets[m, 0] - x
         dy = scene.targets[m, 1] - y
         dz = scene.targets[m, 2]
@@ -142,7 +142,7 @@ def search_leaves(scene, grids, d, tree, ocean, c, worth):
     levels = grids.levels[d - 1]
     size = grids.sizes[d - 1]
     place, value, chosen = tree.place, tree.value, tree.chosen
-    for m in range(scene.count):
+    for m in range(scene.number):
         invert3(scene.information[m], tree.covariance[0, m])
     place[0, 0], place[0, 1], place[0, 2] = scene.x, scene.y, scene.heading
     value[0] = 0.0
@@ -170,7 +170,15 @@ def search_leaves(scene, grids, d, tree, ocean, c, worth):
         for i in range(length):
             j = made + i
             x, y, heading = advance(
-                place[j, 0], place[j, 1], place[j, 2], scene.time + j * c.period, scene.field, ux, uy, ocean, c
+                place[j, 0],
+                place[j, 1],
+                place[j, 2],
+                scene.time + j * c.period,
+                scene.field,
+                ux,
+                uy,
+                ocean,
+                c,
             )
             place[j + 1, 0], place[j + 1, 1], place[j + 1, 2] = x, y, heading
             total += _step_gain(
@@ -195,7 +203,7 @@ def extend(scene, grids, d, tree, ocean, c, worth):
     """``tree.plan``: the best plan of ``d`` - 1 steps and the best last step of the finest grid."""
     x, y, heading = scene.x, scene.y, scene.heading
     covariance = tree.covariance[0]
-    for m in range(scene.count):
+    for m in range(scene.number):
         invert3(scene.information[m], covariance[m])
     for j in range(d - 1):
         ux, uy = tree.best[j, 0], tree.best[j, 1]
@@ -240,7 +248,7 @@ def write_leaf(grids, d, first, tree):
 
 @loop_kernel
 def best_plan(scene, steps, grids, tree, ocean, c, worth):
-    """The best plan of ``steps`` steps into ``tree.best``; returns its J, -inf (and a plan of 0) where J is not a number."""
+    """The best plan of ``steps`` steps into ``tree.best``; returns its J, -inf and a plan of 0 where J is no number."""
     best = -np.inf
     for j in range(steps):
         tree.best[j, 0] = 0.0
@@ -264,13 +272,29 @@ def best_plan(scene, steps, grids, tree, ocean, c, worth):
     return best
 
 
-@kernel
-def scene_of(w, field, most):
-    """What the planner reads of world ``w``; ``field``: the currents that it plans with."""
+@loop_kernel
+def scene_of(w, field, most, targets, information):
+    """What the planner reads of world ``w``, estimates copied to ``targets`` (M, 3) and ``information`` (M, 6).
+
+    ``field``: the currents that it plans with.
+    """
+    for m in range(w.num_transponders):
+        for i in range(3):
+            targets[m, i] = w.estimate[m, i]
+        for i in range(PACKED):
+            information[m, i] = w.information[m, i]
     return Scene(
-        w.x, w.y, w.heading, w.clock_s + w.time_s, field, w.obstacle, most, w.num_transponders, w.estimate,
-        w.information,
-    )  # fmt: skip
+        w.x,
+        w.y,
+        w.heading,
+        w.clock_s + w.time_s,
+        field,
+        w.obstacle,
+        most,
+        w.num_transponders,
+        targets,
+        information,
+    )
 
 
 @kernel
@@ -287,11 +311,13 @@ def affordable(w, c):
 def plan_all(worlds, steps, grids, plans, values, ocean, c, worth):
     """The best plan of every running world: actions (n, steps, 2) into ``plans``, J (n,) into ``values``.
 
-    A plan is no longer than the measurements that are left. Worlds do not depend on each other, and nothing is allocated for
-    one. Of a record this reads place, heading, clock, battery, estimates, information and the forecast, never
-    ``target`` or ``truth``.
+    A plan is no longer than the measurements that are left. Worlds do not depend on each other, and nothing is
+    allocated for one. Of a record this reads place, heading, clock, battery, estimates, information and the forecast,
+    never ``target`` or ``truth``.
     """
     tree = make_tree(steps, grids.points.shape[1], MAX_TRANSPONDERS)
+    targets = np.zeros((MAX_TRANSPONDERS, 3))
+    information = np.zeros((MAX_TRANSPONDERS, PACKED))
     for k in range(worlds.size):
         w = worlds[k]
         values[k] = -np.inf
@@ -299,7 +325,8 @@ def plan_all(worlds, steps, grids, plans, values, ocean, c, worth):
         if w.outcome != RUNNING:
             continue
         ahead = min(steps, max(c.num_measurements - w.count, 1))
-        values[k] = best_plan(scene_of(w, w.forecast, affordable(w, c)), ahead, grids, tree, ocean, c, worth)
+        scene = scene_of(w, w.forecast, affordable(w, c), targets, information)
+        values[k] = best_plan(scene, ahead, grids, tree, ocean, c, worth)
         for j in range(ahead):
             plans[k, j, 0] = tree.best[j, 0]
             plans[k, j, 1] = tree.best[j, 1]

@@ -1,17 +1,17 @@
 """What a sequence of steps is worth to transponder localization, its slope, and the climb to the nearest best one.
 
-A plan is k actions, ``u`` (k, 2), as the world takes them: u[j, 0] in [-1, 1] the yaw rate as a share of its limit (the second
-column is not used), or u[j] in the unit disc a free step, or hop, as a share of the longest. Its value is
+A plan is k actions, ``u`` (k, 2), as the world takes them: u[j, 0] in [-1, 1] the yaw rate as a share of its limit
+(the second column is not used), or u[j] in the unit disc a free step, or hop, as a share of the longest. Its value is
 
     J(u) = Σ_m ln det(Y_m + σ⁻² Σ_j h_jm h_jmᵀ) - Σ_j (price ‖u_j‖ + fence(p_j)),    h_jm = (p_m - p_j) / ‖p_m - p_j‖,
 
-p_j the place of the measurement after step j, p_m and Y_m estimate and information of transponder m (SPEC §8; Garcia, UC
-Riverside 2018, eq. 4.20 to 4.26). Price and fence are ours: what the reward charges for a hop, and what keeps the vehicle off the
-edges of the box and off obstacles. The water carries the vehicle as the forecast says, where it is.
+p_j the place of the measurement after step j, p_m and Y_m estimate and information of transponder m (SPEC §8; Garcia,
+UC Riverside 2018, eq. 4.20 to 4.26). Price and fence are ours: what the reward charges for a hop, and what keeps an
+AquaQuad off the edges of the box and off obstacles. The water carries the vehicle as the forecast says, where it is.
 
-The slope ∂J/∂u is exact in still water: ∂J/∂p_j from :func:`~aquaquad_envs.estimation.range_information.gain_slope`,
-carried back through the steps. It leaves out that the drift of a step changes with the place it begins at, and the
-fence; no step of the climb is taken on its word alone.
+The slope: ∂J/∂p_j from :func:`~aquaquad_envs.estimation.range_information.gain_slope`, carried back through the steps,
+and through the drift by central differences. It leaves out the fence, and that a longer flight leaves less time to
+drift; no step of the climb is taken on its word alone.
 """
 
 from __future__ import annotations
@@ -35,6 +35,8 @@ _PROMISE, _HALVINGS = 1e-4, 20
 _SHORTEST, _LONGEST = 1e-8, 1e4
 #: What it costs, in ln det, to be a full step too near to an edge or an obstacle.
 _FENCE = 100.0
+#: Displacement by which the drift is differentiated, as a share of the box's half-width.
+_NUDGE = 1e-4
 #: A hop that is meant as one is longer than the world's least by this share.
 _SPARE = 1e-3
 
@@ -63,15 +65,16 @@ class Scene(NamedTuple):
     #: Greatest action that the battery allows, at most 1.
     most: float
     #: Transponders that count, their estimates (M, 3) and information (M, 6).
-    count: int
+    number: int
     targets: np.ndarray
     information: np.ndarray
 
 
 class Trail(NamedTuple):
-    """Scratch of one climb of at most k steps: places (k + 1, 2), headings and slopes, plans, matrices."""
+    """Scratch of one climb of at most k steps: places (k + 1, 2), ∂ of drifts (k, 2, 2), slopes, plans, matrices."""
 
     places: np.ndarray
+    stretch: np.ndarray
     headings: np.ndarray
     pull: np.ndarray
     slope: np.ndarray
@@ -85,8 +88,8 @@ class Trail(NamedTuple):
 def make_trail(steps):
     """Scratch for plans of ``steps`` steps."""
     return Trail(
-        np.zeros((steps + 1, 2)), np.zeros(steps + 1), np.zeros((steps, 2)), np.zeros((steps, 2)),
-        np.zeros((steps, 2)), np.zeros((steps, 2)), np.zeros(PACKED), np.zeros(PACKED),
+        np.zeros((steps + 1, 2)), np.zeros((steps, 2, 2)), np.zeros(steps + 1), np.zeros((steps, 2)),
+        np.zeros((steps, 2)), np.zeros((steps, 2)), np.zeros((steps, 2)), np.zeros(PACKED), np.zeros(PACKED),
     )  # fmt: skip
 
 
@@ -96,14 +99,33 @@ def _drifted(x, y, field, time, dt, velocity, axes, euler):
     return drift_step(velocity, field, axes, time, x, y, dt, euler)
 
 
+@loop_kernel
+def _stretch_of_drift(x, y, field, time, dt, velocity, axes, euler, nudge, out):
+    """∂(x', y')/∂(x, y) of a drift, into ``out`` (2, 2)."""
+    for i in range(2):
+        dx = nudge if i == 0 else 0.0
+        dy = nudge - dx
+        ax, ay = _drifted(x + dx, y + dy, field, time, dt, velocity, axes, euler)
+        bx, by = _drifted(x - dx, y - dy, field, time, dt, velocity, axes, euler)
+        out[0, i] = (ax - bx) / (2.0 * nudge)
+        out[1, i] = (ay - by) / (2.0 * nudge)
+
+
 @kernel
-def advance(x, y, heading, time, field, ux, uy, ocean, c):
-    """Place, m, and heading, rad, one period after (x, y) at field time ``time``, with action (ux, uy)."""
+def _hop(x, y, ux, uy, c):
+    """Where the drift of a step begins, m, and after how many seconds."""
     flown = 0.0
     if c.vehicle == AQUAQUAD:
         flown, u, v = take_off(ux, uy, c)
         x += flown * u
         y += flown * v
+    return x, y, flown
+
+
+@kernel
+def advance(x, y, heading, time, field, ux, uy, ocean, c):
+    """Place, m, and heading, rad, one period after (x, y) at field time ``time``, with action (ux, uy)."""
+    x, y, flown = _hop(x, y, ux, uy, c)
     if not c.still_water:
         x, y = _drifted(x, y, field, time + flown, c.period - flown, ocean.velocity, ocean.axes, c.euler)
     if c.vehicle != AQUAQUAD:
@@ -113,10 +135,21 @@ def advance(x, y, heading, time, field, ux, uy, ocean, c):
 
 @kernel
 def fence(x, y, obstacle, ocean, c, worth):
-    """What it costs to be at (x, y), in ln det: 0 in open water, growing with the distance beyond the margin."""
+    """What it costs an AquaQuad, which alone can be lost, to be at (x, y), in ln det.
+
+    0 in open water, growing with the distance beyond the margin.
+    """
+    if c.vehicle != AQUAQUAD:
+        return 0.0
     edge = max(abs(x), abs(y)) - c.half_width + worth.margin
     near = worth.margin - clearance_at(ocean.clearance, obstacle, ocean.clearance_grid, x, y)
     return _FENCE * max(edge, near, 0.0) / c.step_length
+
+
+@kernel
+def _carried_back(stretch, px, py):
+    """A slope by the place after a drift as a slope by the place before it."""
+    return stretch[0, 0] * px + stretch[1, 0] * py, stretch[0, 1] * px + stretch[1, 1] * py
 
 
 @kernel
@@ -124,7 +157,7 @@ def step_price(scene, ux, uy, c, worth):
     """What step (ux, uy) costs, in ln det."""
     if c.vehicle != AQUAQUAD:
         return 0.0
-    return scene.count * worth.price * np.sqrt(ux * ux + uy * uy)
+    return scene.number * worth.price * np.sqrt(ux * ux + uy * uy)
 
 
 @loop_kernel
@@ -137,15 +170,29 @@ def value_and_slope(scene, u, steps, slope, trail, ocean, c, worth):
     value = 0.0
     for j in range(steps):
         x, y, headings[j + 1] = advance(
-            places[j, 0], places[j, 1], headings[j], scene.time + j * c.period, scene.field, u[j, 0], u[j, 1], ocean, c
+            places[j, 0],
+            places[j, 1],
+            headings[j],
+            scene.time + j * c.period,
+            scene.field,
+            u[j, 0],
+            u[j, 1],
+            ocean,
+            c,
         )
         value -= fence(x, y, scene.obstacle, ocean, c, worth) + step_price(scene, u[j, 0], u[j, 1], c, worth)
         places[j + 1, 0] = x
         places[j + 1, 1] = y
         pull[j, 0] = 0.0
         pull[j, 1] = 0.0
+        if not c.still_water:
+            x, y, flown = _hop(places[j, 0], places[j, 1], u[j, 0], u[j, 1], c)
+            _stretch_of_drift(
+                x, y, scene.field, scene.time + j * c.period + flown, c.period - flown, ocean.velocity, ocean.axes,
+                c.euler, _NUDGE * c.half_width, trail.stretch[j],
+            )  # fmt: skip
     matrix, inverse = trail.matrix, trail.inverse
-    for m in range(scene.count):
+    for m in range(scene.number):
         tx, ty, tz = scene.targets[m, 0], scene.targets[m, 1], scene.targets[m, 2]
         for i in range(PACKED):
             matrix[i] = scene.information[m, i]
@@ -162,8 +209,13 @@ def value_and_slope(scene, u, steps, slope, trail, ocean, c, worth):
     py = 0.0
     swing = 0.0
     for j in range(steps - 1, -1, -1):
+        if not c.still_water and j < steps - 1 and c.vehicle != AQUAQUAD:
+            px, py = _carried_back(trail.stretch[j + 1], px, py)
         px += pull[j, 0]
         py += pull[j, 1]
+        if not c.still_water and c.vehicle == AQUAQUAD:
+            # The hop comes before the drift.
+            px, py = _carried_back(trail.stretch[j], px, py)
         if c.vehicle == YAW_RATE:
             way = c.speed * c.period
             swing += way * (np.cos(headings[j + 1]) * py - np.sin(headings[j + 1]) * px)
@@ -202,8 +254,8 @@ def feasible(scene, was_x, was_y, ux, uy, c):
 def climb(scene, u, steps, most, tolerance, trail, ocean, c, worth):
     """Move ``u`` uphill to where J is greatest nearby, in place; returns J, never less than at the start.
 
-    Spectral projected gradient (Birgin, Martínez and Raydan, SIAM J. Optim. 2000), monotone: at most ``most`` steps, or until
-    a step along the slope changes no number of ``u`` by more than ``tolerance``.
+    Spectral projected gradient (Birgin, Martínez and Raydan, SIAM J. Optim. 2000), monotone: at most ``most`` steps,
+    or until a step along the slope changes no number of ``u`` by more than ``tolerance``.
     """
     slope, trial, trial_slope = trail.slope, trail.trial, trail.trial_slope
     value = value_and_slope(scene, u, steps, slope, trail, ocean, c, worth)

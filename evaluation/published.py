@@ -112,7 +112,9 @@ def steps(runs: int, tracking_runs: int, tasks: Sequence[str]) -> int:
     """How often :func:`reproduce` calls ``advance``."""
     planner = len(PUBLISHED) * runs if "drift-hop" in tasks else 0
     placement = published_sensor_placement.steps(tracking_runs) if "sensor-placement" in tasks else 0
-    return planner + placement + (published_localization.steps() if "transponder-localization" in tasks else 0)
+    return (
+        planner + placement + (published_localization.steps() if "transponder-localization" in tasks else 0)
+    )
 
 
 def _reproduce_planner(runs: int, seed: int, advance: Callable[[], None]) -> dict[str, Any]:

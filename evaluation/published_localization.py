@@ -197,7 +197,9 @@ def reproduce_fixed(runs: int, seed: int) -> tuple[dict[str, Any], dict[str, np.
         size=(runs, len(targets), len(places))
     )
     prior = targets + std * draw.normal(size=(runs, len(targets), 3))
-    solved = estimate_transponders(places, ranges, prior, np.diag(FIXED["prior_variance"]), std_m=FIXED["std_m"])
+    solved = estimate_transponders(
+        places, ranges, prior, np.diag(FIXED["prior_variance"]), std_m=FIXED["std_m"]
+    )
     errors = nees(solved.estimate, targets, solved.covariance)
     scattered = solved.estimate[:, 0, :2]
     sample = np.cov(scattered.T)

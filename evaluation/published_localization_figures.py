@@ -27,12 +27,22 @@ def evolution(courses: dict[tuple[str, int, int], Any]) -> bytes:
             epochs = np.arange(1, len(course.log_det) + 1)
             left.plot(epochs, course.log_det.mean(1), color=_COLOURS[k], linewidth=1.5, label=f"k = {k}")
             right.semilogy(
-                epochs, np.sqrt(course.square_error.mean(1)), color=_COLOURS[k], linewidth=1.5, label=f"k = {k}"
+                epochs,
+                np.sqrt(course.square_error.mean(1)),
+                color=_COLOURS[k],
+                linewidth=1.5,
+                label=f"k = {k}",
             )
             # Side by side, or they would hide each other.
             at = np.array(EPOCHS) + 0.3 * (k - 1.5)
             left.errorbar(
-                at, [c[0] for c in cells], [c[1] for c in cells], fmt="o", markersize=3, color=_COLOURS[k], elinewidth=0.9
+                at,
+                [c[0] for c in cells],
+                [c[1] for c in cells],
+                fmt="o",
+                markersize=3,
+                color=_COLOURS[k],
+                elinewidth=0.9,
             )
             right.plot(at, [c[2] for c in cells], "o", markersize=4, color=_COLOURS[k])
         left.set_ylabel(f"{'look-ahead' if name == 'msla' else name}, M = {M}\nΣ ln det Y", fontsize=8)
@@ -54,7 +64,9 @@ def trajectories(courses: dict[tuple[str, int, int], Any]) -> bytes:
         for m, k in TABLES[name]["cells"]:
             if m == M:
                 course = courses[name, M, k]
-                axis.plot(*course.track.T, ".-", color=_COLOURS[k], linewidth=1.2, markersize=3.5, label=f"k = {k}")
+                axis.plot(
+                    *course.track.T, ".-", color=_COLOURS[k], linewidth=1.2, markersize=3.5, label=f"k = {k}"
+                )
         axis.plot(*course.targets[:, :2].T, **_STAR)
         axis.plot(*course.track[0], "o", color="white", markeredgecolor="black", markersize=6)
         axis.set_title(f"{TABLES[name]['title'].lower()}, M = {M}", fontsize=8)

@@ -13,8 +13,8 @@ CAPTIONS = {
     "standard deviation over runs.",
     "localization-tracks": "The first run of each policy. Circle: first measurement; dots: measurements; stars: "
     "transponders.",
-    "localization-consistency": "Four fixed places: estimates of the transponder at (17, 15, 6) m with the 95 % ellipse "
-    "of the estimator and that of their scatter; NEES of one and of four transponders against χ².",
+    "localization-consistency": "Four fixed places: estimates of the transponder at (17, 15, 6) m with the 95 % "
+    "ellipse of the estimator and that of their scatter; NEES of one and of four transponders against χ².",
 }
 _BEHIND = {"msla": ("localization", "localization-tracks"), "fixed": ("localization-consistency",)}
 #: What a marked cell shows.
@@ -34,7 +34,7 @@ def tables(found: dict[str, Any]) -> list[Table]:
         *((name, *_comparison(name, part)) for name, part in found["tables"].items()),
         ("fixed", *_fixed(found["fixed"])),
         ("goal", *_goal(found)),
-    ]  # type: ignore[list-item]
+    ]
 
 
 def _comparison(name: str, part: dict[str, Any]) -> tuple[str, str, list[str], list[list[str]]]:
@@ -42,8 +42,8 @@ def _comparison(name: str, part: dict[str, Any]) -> tuple[str, str, list[str], l
     whose = ", ".join(f"{m} of {M}" for M, m in part["error_of"].items())
     note = (
         f"Published: Garcia 2018, {part['source']}, {part['published_runs']} runs, deviation over runs in "
-        f"brackets. Ours: {part['runs']} runs, ± standard error. RMS error of transponder {whose}, its error by bootstrap. "
-        f"k = 0 moves at random. {_MARKS[True].strip()} {_MARKS[False].strip()}: above or below by more than "
+        f"brackets. Ours: {part['runs']} runs, ± standard error. RMS error of transponder {whose}, its error by "
+        f"bootstrap. k = 0 moves at random. {_MARKS[True].strip()} {_MARKS[False].strip()}: above, below by more than "
         f"{MARK:g} standard errors of the difference; of a published RMS error none is given, ours is taken for it."
     )
     if field:
@@ -52,13 +52,16 @@ def _comparison(name: str, part: dict[str, Any]) -> tuple[str, str, list[str], l
             "simulates its settings: cells are not marked."
         )
     else:
-        note += " Planning: processor time of a run's decisions, against the published time."
+        note += " Planning: processor time of a run of 30 measurements, published (in brackets) of 50."
     head = ["M", "k"]
     for cell in part["rows"][0]["cells"]:
         head += [
-            f"published\nn = {cell['epoch']}", "ours\nΣ ln det", f"published\nn = {cell['epoch']}", "ours\nRMS, m",
+            f"published\nn = {cell['epoch']}",
+            "ours\nΣ ln det",
+            f"published\nn = {cell['epoch']}",
+            "ours\nRMS, m",
         ]
-    head += ["diverged", "planning,\ns a run"]
+    head += ["diverged", "planning,\nms a run"]
     rows = []
     for row in part["rows"]:
         cells = [str(row["M"]), str(row["k"])]
@@ -66,13 +69,15 @@ def _comparison(name: str, part: dict[str, Any]) -> tuple[str, str, list[str], l
             theirs, apart = cell["published"], cell["apart"]
             cells += [
                 f"{number(theirs['log_det'])} ({number(theirs['std'])})",
-                f"{number(cell['log_det'])} ± {number(cell['se'])}" + ("" if field else mark(apart["log_det"])),
+                f"{number(cell['log_det'])} ± {number(cell['se'])}"
+                + ("" if field else mark(apart["log_det"])),
                 number(theirs["rms_m"]),
-                f"{number(cell['rms_m'])} ± {number(cell['rms_se'])}" + ("" if field else mark(apart["rms_m"])),
+                f"{number(cell['rms_m'])} ± {number(cell['rms_se'])}"
+                + ("" if field else mark(apart["rms_m"])),
             ]
-        spent = number(row["planning_s_a_run"], 4) if row["k"] else DASH
+        spent = number(1e3 * row["planning_s_a_run"], 1) if row["k"] else DASH
         if row["published_planning_s_a_run"] is not None and not field:
-            spent += f" ({number(row['published_planning_s_a_run'])})"
+            spent += f" ({number(1e3 * row['published_planning_s_a_run'], 0)})"
         rows.append([*cells, str(row["diverged"]), spent])
     return part["title"], note, head, rows
 
@@ -112,7 +117,7 @@ def _fixed(part: dict[str, Any]) -> tuple[str, str, list[str], list[list[str]]]:
 
 
 def _goal(found: dict[str, Any]) -> tuple[str, str, list[str], list[list[str]]]:
-    """Where ours is at or above the published Σ ln det, by steps ahead, and how consistent it is along planned tracks."""
+    """Where ours is at or above the published Σ ln det, and how consistent it is along planned tracks."""
     rows = []
     for name in ("msla", "greedy"):
         for row in found["tables"][name]["rows"]:
@@ -159,22 +164,30 @@ def print_tables(found: dict[str, Any], console: Any) -> None:
     from rich.table import Table as Shown
 
     for _, title, note, head, rows in tables(found):
-        pieces = [("", range(len(head)))]
+        pieces = [("", list(range(len(head))))]
         if len(head) > 3:
             wide = range(2, len(head) - 2)
             # The last two columns go with the narrower table.
             pieces = [
                 (": Σ ln det Y", [0, 1, *(k for k in wide if (k - 2) % 4 < 2)]),
-                (": RMS error, m", [0, 1, *(k for k in wide if (k - 2) % 4 >= 2), len(head) - 2, len(head) - 1]),
+                (
+                    ": RMS error, m",
+                    [0, 1, *(k for k in wide if (k - 2) % 4 >= 2), len(head) - 2, len(head) - 1],
+                ),
             ]
         for k, (what, columns) in enumerate(pieces):
             last = k == len(pieces) - 1
             shown = Shown(
-                title=title + what, title_justify="left", caption=note if last else None, caption_justify="left"
+                title=title + what,
+                title_justify="left",
+                caption=note if last else None,
+                caption_justify="left",
             )
             for column in columns:
                 prose = len(head) == 3
-                shown.add_column(head[column], justify="right" if column and not prose else "left", no_wrap=not prose)
+                shown.add_column(
+                    head[column], justify="right" if column and not prose else "left", no_wrap=not prose
+                )
             for row in rows:
                 shown.add_row(*(row[column] for column in columns))
             console.print(shown)

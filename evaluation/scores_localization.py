@@ -1,11 +1,11 @@
 """The two ends of the score of transponder localization, computed on the very seeds that are scored.
 
-What is scored is Σ ln det of the information that the places of an episode give about the transponders *at their true positions*
-(metric ``log_det_true``), a transponder. The published Σ ln det is taken at the estimates: an estimate that errs to where the
-track looks better placed raises it, over any bound; it is reported, not scored. 0 is ``random``, run in the same
-worlds; 1 the best trajectory that was found with known transponders (``baselines.known_transponders``), followed in the
-same worlds, where the same replies are missed. That is a bound up to what its climbs did not find, and up to luck
-with missed replies, which it does not foresee. Nothing is typed in.
+What is scored is Σ ln det of the information that the places of an episode give about the transponders *at their true
+positions* (metric ``log_det_true``), a transponder. The published Σ ln det is taken at the estimates: an estimate
+that errs to where the track looks better placed raises it, over any bound; it is reported, not scored. 0 is
+``random``, run in the same worlds; 1 the best trajectory that was found with known transponders
+(``baselines.known_transponders``), followed in the same worlds, where the same replies are missed. That is a bound up
+to what its climbs did not find, and up to luck with missed replies, which it does not foresee. Nothing is typed in.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def _lost(results: EpisodeResults) -> np.ndarray:
 
 
 def metrics_of(results: EpisodeResults, references: References) -> dict[str, np.ndarray]:
-    """All metrics, (episodes,); ``survived``: whether the vehicle did. ``below_bound``: ln det a transponder to the bound."""
+    """All metrics, (episodes,). ``survived``: whether the vehicle did; ``below_bound``: ln det a transponder to it."""
     return {
         "survived": (~_lost(results)).astype(np.float64),
         **results.metrics,

@@ -196,15 +196,15 @@ TABLES: dict[str, TaskTable] = {
         shares=("survived", "diverged"),
         robust=("rmse_m",),
         references=("null", "bound"),
-        score_ends="0 is random, 1 the best trajectory found with known transponders, both by Σ ln det of the information "
-        "at the true positions, a transponder.",
+        score_ends="0 is random, 1 the best trajectory found with known transponders, both by Σ ln det of the "
+        "information at the true positions, a transponder.",
         score_label="score (0 random, 1 bound)",
         distribution=(("rmse_m", "error of the estimates, m"), ("log_det", "Σ ln det Y at the end")),
         distribution_title="Error, information and score of each policy on",
         rank=(("rmse_m", 1),),
         tracks_caption="The best and the median episode of each policy by error at the end. Circle: start, and first "
-        "measurement; dots: measurements; stars: transponders; orange plus and ellipse: estimates at the end and their 95 %. "
-        "Grey shade and arrows: the true current halfway through the episode; dark: obstacles.",
+        "measurement; dots: measurements; stars: transponders; orange plus and ellipse: estimates at the end and their "
+        "95 %. Grey shade and arrows: the true current halfway through the episode; dark: obstacles.",
         main=(
             Column(metric="survived", heading="kept<br>the vehicle", better="more", percent=True),
             Column(metric="rmse_m", heading="RMSE, m<br>mean", better="less", interval=True, digits=3, reliable=True),

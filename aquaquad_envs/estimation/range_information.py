@@ -1,13 +1,13 @@
 """What one more range tells of a point: the gain in ln det Y, and how it changes with the place of the vehicle.
 
-A range of standard deviation σ from p to a point at p + d adds σ⁻² e eᵀ, e = d / ‖d‖, to the point's information matrix Y
-(3 × 3, packed as :mod:`aquaquad_envs.estimation.symmetric3` has it). By the matrix determinant lemma
+A range of standard deviation σ from p to a point at p + d adds σ⁻² e eᵀ, e = d / ‖d‖, to the point's information
+matrix Y (3 × 3, packed as :mod:`aquaquad_envs.estimation.symmetric3` has it). By the matrix determinant lemma
 
     det(Y + w e eᵀ) = det Y (1 + w eᵀ C e),    C = Y⁻¹,  w = σ⁻²,
 
-and by Sherman and Morrison (Y + w e eᵀ)⁻¹ = C - w C e eᵀ C / (1 + w eᵀ C e): along a tree of plans each step costs one
-product of a matrix and a vector (SPEC §8; Garcia, UC Riverside 2018, eq. 4.20 to 4.30). ``d`` in m, ``weight`` w in 1/m².
-A point at the very place of the vehicle (d = 0) gives no direction, and no gain.
+and by Sherman and Morrison (Y + w e eᵀ)⁻¹ = C - w C e eᵀ C / (1 + w eᵀ C e): along a tree of plans each step costs
+one product of a matrix and a vector (SPEC §8; Garcia, UC Riverside 2018, eq. 4.20 to 4.30). ``d`` in m, ``weight`` w
+in 1/m². A point at the very place of the vehicle (d = 0) gives no direction, and no gain.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ from aquaquad_envs.estimation.symmetric3 import PACKED, add_line_of_sight, log_d
 
 @kernel
 def true_information(w, m, prior_information, weight, y):
-    """Y_m = P0⁻¹ + σ⁻² Σ h hᵀ into ``y``, h taken at the true position; of the ranges that transponder ``m`` replied to.
+    """Y_m = P0⁻¹ + σ⁻² Σ h hᵀ into ``y``, h at the true position, of the ranges that transponder ``m`` replied to.
 
     In nominal noise: neither outliers nor a robust loss change it.
     """

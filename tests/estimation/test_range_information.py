@@ -17,7 +17,11 @@ def some_information(seed):
 
 
 @settings(max_examples=40, deadline=None)
-@given(seed=st.integers(0, 1000), arm=st.tuples(coordinate, coordinate, st.floats(0.5, 20.0)), weight=st.floats(0.01, 100))
+@given(
+    seed=st.integers(0, 1000),
+    arm=st.tuples(coordinate, coordinate, st.floats(0.5, 20.0)),
+    weight=st.floats(0.01, 100),
+)
 def test_the_rank_one_update_is_that_of_the_whole_matrix(seed, arm, weight):
     y = some_information(seed)
     e = np.array(arm) / np.linalg.norm(arm)
