@@ -75,7 +75,7 @@ class Options:
 @dataclass(frozen=True, kw_only=True)
 class PublishedOptions:
     """Reproduce the published tables beside ours: DR-RRT* (Dillard 2014, App. C), trackers, HDOP, placement,
-    transponder localization (Garcia 2018).
+    transponder localization (Garcia 2018), laser tracking (figures 3.4 to 6.10), plume tracing (Byrne et al. 2003).
 
     Prints the published numbers beside ours and writes published.json, published.html and its figures.
 
@@ -86,10 +86,13 @@ class PublishedOptions:
 
     task: Annotated[str, arg(metavar="TASK")] = "all"
     """drift-hop (DR-RRT*), sensor-placement (EKF and UKF, laboratory test, HDOP maps, placement),
-    transponder-localization (look-ahead and greedy planning, consistency), or all"""
+    transponder-localization (look-ahead and greedy planning, consistency), laser-tracking (step
+    responses, each simulation flown again), plume-tracing (noise, errors of place and
+    heading, orientation), or all"""
     runs: Annotated[int, arg(metavar="N")] = 1000
     """independent runs of each variant of DR-RRT*, and of each row of transponder localization where as many are
-    published, in proportion elsewhere (published: 1000)"""
+    published, in proportion elsewhere (published: 1000); a twentieth of them of each
+    flight of laser tracking (published: 1), a fifth of each row of plume tracing (published: 5)"""
     tracking_runs: Annotated[int, arg(metavar="N")] = 24
     """independent runs of each filter (published: 1)"""
     seed: Annotated[int, arg(metavar="N")] = 0

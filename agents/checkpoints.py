@@ -102,7 +102,10 @@ def shipped(task: str, scenario: str) -> Path:
     The vortex scenarios share one; every other scenario uses the one trained on random gyres. Sensor placement
     and transponder localization have one for all.
     """
-    alone = {"sensor-placement": "vortex", "transponder-localization": "random"}
+    alone = {
+        "sensor-placement": "vortex", "transponder-localization": "random", "laser-tracking": "flat-top",
+        "plume-tracing": "turbulent",
+    }  # fmt: skip
     if task in alone:
         return SHIPPED / task / alone[task]
     return SHIPPED / task / ("vortex" if scenario.startswith("vortex") else "gyres")

@@ -1,7 +1,8 @@
 """The frame in which a policy sees and gives vectors: the world's, or one turned towards the goal.
 
-In the goal's frame the first axis points from the vehicle to the goal, or to the nearest target of a team, so
-that missions which differ by a turn of the map look alike and one lesson serves them all.
+In the goal's frame the first axis points from the vehicle to the goal, or to the nearest target of a team, or along the
+current where a plume is traced, so that missions which differ by a turn of the map look alike and one lesson serves
+them all.
 """
 
 from __future__ import annotations
@@ -14,7 +15,11 @@ from aquaquad_envs.errors import InvalidParameterError, check_choice
 
 FRAMES = ("world", "goal")
 #: Observations that tell the frame, the first that a task has; they alone stay in the world's: north is known.
-_DIRECTIONS = (("goal direction x", "goal direction y"), ("target 1 direction x", "target 1 direction y"))
+_DIRECTIONS = (
+    ("goal direction x", "goal direction y"),
+    ("target 1 direction x", "target 1 direction y"),
+    ("flow direction x", "flow direction y"),
+)
 _SECOND = {"x": "y", "dx": "dy", "u": "v"}
 
 
@@ -34,7 +39,9 @@ def frame_direction(names: Sequence[str]) -> tuple[str, str]:
     for direction in _DIRECTIONS:
         if direction[0] in names:
             return direction
-    raise InvalidParameterError("frame", "goal", "a task that observes the direction of a goal or target")
+    raise InvalidParameterError(
+        "frame", "goal", "a task that observes the direction of a goal, target or current"
+    )
 
 
 class Frame:
@@ -62,11 +69,11 @@ class Frame:
         return turned
 
     def act(self, actions: np.ndarray, observations: np.ndarray) -> np.ndarray:
-        """The policy's ``actions`` (rows, 2), turned back into the world's frame of ``observations``."""
+        """The policy's ``actions`` (rows, 2, or 3 with a vertical part) in the world's frame of ``observations``."""
         return self._turned(actions, observations, 1.0) if self.turns else actions
 
     def see_actions(self, actions: np.ndarray, observations: np.ndarray) -> np.ndarray:
-        """Actions (rows, 2) of the world as the policy would have given them."""
+        """Actions (rows, 2 or 3) of the world as the policy would have given them."""
         return self._turned(actions, observations, -1.0) if self.turns else actions
 
     def _axes(self, observations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -77,7 +84,8 @@ class Frame:
     def _turned(self, actions: np.ndarray, observations: np.ndarray, way: float) -> np.ndarray:
         cos, sin = self._axes(observations)
         sin = way * sin
-        first, second = actions[:, :1], actions[:, 1:]
+        first, second = actions[:, :1], actions[:, 1:2]
         turned = np.concatenate([cos * first - sin * second, sin * first + cos * second], axis=1)
         # A diagonal of the policy's square may leave the world's: keep its direction.
-        return (turned / np.maximum(np.abs(turned).max(axis=1, keepdims=True), 1.0)).astype(np.float32)
+        turned /= np.maximum(np.abs(turned).max(axis=1, keepdims=True), 1.0)
+        return np.concatenate([turned, actions[:, 2:]], axis=1).astype(np.float32)

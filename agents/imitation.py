@@ -46,8 +46,9 @@ def imitate(
         batch.reset(first)
         # The optimum grazes obstacles, which a learner cannot copy without striking them now and then:
         # the expert plans around obstacles grown by a margin, in worlds that are the same otherwise.
-        margin = params.get("obstacle_margin_m", 0.0) + recipe.imitation_margin_m
-        planned = {**params, "obstacle_margin_m": margin}
+        planned = dict(params)
+        if hasattr(batch.params, "obstacle_margin_m"):
+            planned["obstacle_margin_m"] = batch.params.obstacle_margin_m + recipe.imitation_margin_m
         expert = make_policy(recipe.expert, make_world_batch(recipe.task, recipe.imitation_worlds, **planned))
         for mission in range(recipe.imitation_missions):
             if recipe.imitation_scatter:
@@ -58,6 +59,8 @@ def imitate(
                     batch.step(np.zeros(batch.action_shape))
             else:
                 batch.reset(first + 2**30 * mission)
+            # An expert with a memory begins it anew.
+            expert.reset(first + 2**30 * mission + np.arange(recipe.imitation_worlds))
             # Early rounds mostly follow the expert, later ones mostly the learner.
             trust = 0.7**number if number or mission else 1.0
             decisions = None if mission == 0 else recipe.imitation_decisions

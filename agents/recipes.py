@@ -202,10 +202,72 @@ def transponder_localization_recipe(scenario: str, algorithm: str) -> Recipe:
     )
 
 
+def laser_tracking_recipe(scenario: str, algorithm: str) -> Recipe:
+    """The recipe of laser tracking under a flat top with "ppo": every motion below, dark or with ambient light.
+
+    Memory is in the observation: readings and places up to 3.2 s back, where light was seen and where its edges were.
+    """
+    check_choice("scenario", scenario, ("flat-top", "daylight"))
+    check_choice("algorithm", algorithm, ("ppo",))
+    params: dict[str, Any] = {"scenario": "mixed", "profile": "flat-top"}
+    if scenario == "daylight":
+        params |= {"ambient_w_m2": 0.004, "ambient_variation": 0.35, "noise_std_w_m2": 8e-4}
+    return Recipe(
+        task="laser-tracking",
+        scenario=scenario,
+        algorithm=algorithm,
+        num_worlds=256,
+        params=params,
+        validation=params,
+        # Ten seconds ahead: long enough to get back into the light, or nearly to go round a search's circle.
+        algorithm_settings={**_PPO, "n_steps": 128, "batch_size": 8192, "gamma": 0.99},
+        frame="goal",
+        initial_log_std=-2.5,
+        imitation_rounds=10,
+        expert="ekf-tracking",
+        imitation_worlds=48,
+        imitation_missions=1,
+        imitation_epochs=6,
+        value_warmup_frames=500_000,
+        checkpoint_every=1_000_000,
+        evaluate_every=1_000_000,
+    )
+
+
+def plume_tracing_recipe(scenario: str, algorithm: str) -> Recipe:
+    """The recipe of plume tracing in ``scenario`` with ten robots: "ppo" (parameters shared) or "mappo"."""
+    check_choice("scenario", scenario, ("advected", "turbulent"))
+    check_choice("algorithm", algorithm, ("ppo", "mappo"))
+    return Recipe(
+        task="plume-tracing",
+        scenario=scenario,
+        algorithm=algorithm,
+        num_worlds=64,
+        hidden=(256, 128),
+        params={"scenario": scenario, "field_seed": 1, "num_fields": 512},
+        validation={"scenario": scenario, "field_seed": 2, "num_fields": 200},
+        # A whiff is followed for tens of updates, not hundreds; steps as large as a fresh start allows.
+        algorithm_settings={**_PPO, "gamma": 0.99, "learning_rate": 2e-4},
+        # Upstream looks the same whatever the course of the current.
+        frame="goal",
+        initial_log_std=-1.5,
+        imitation_rounds=6,
+        expert="spiral-surge",
+        imitation_worlds=48,
+        # The expert remembers how far it has searched: each mission needs one that has just begun.
+        imitation_missions=1,
+        imitation_epochs=8,
+        imitation_margin_m=0.0,
+        value_warmup_frames=300_000,
+    )
+
+
 RECIPES = {
     "drift-hop": drift_hop_recipe,
     "sensor-placement": sensor_placement_recipe,
     "transponder-localization": transponder_localization_recipe,
+    "laser-tracking": laser_tracking_recipe,
+    "plume-tracing": plume_tracing_recipe,
 }
 
 

@@ -268,9 +268,21 @@ def _transponder_localization_score(metrics: dict[str, np.ndarray]) -> np.ndarra
     return metrics["log_det"]
 
 
+def _laser_tracking_score(metrics: dict[str, np.ndarray]) -> np.ndarray:
+    """The share of the episode in the light, which counts finding it and keeping it."""
+    return metrics["time_in_lda"]
+
+
+def _plume_tracing_score(metrics: dict[str, np.ndarray]) -> np.ndarray:
+    """Reaching the source, sooner a little better; where it is not reached, being nearer a little better."""
+    return metrics["success"] - 0.0005 * metrics["updates_to_source"] - 0.002 * metrics["closest_m"]
+
+
 #: What the best policy of a training is chosen by, each (episodes,), higher is better.
 _SCORES = {
     "drift-hop": _drift_hop_score,
     "sensor-placement": _sensor_placement_score,
     "transponder-localization": _transponder_localization_score,
+    "laser-tracking": _laser_tracking_score,
+    "plume-tracing": _plume_tracing_score,
 }

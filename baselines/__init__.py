@@ -55,6 +55,20 @@ POLICIES: dict[str, dict[str, str]] = {
         "omlp-2": "baselines.omlp:Omlp",
         "omlp-3": "baselines.omlp:Omlp",
     },
+    "laser-tracking": {
+        "random": "baselines.simple:Random",
+        "search-hold": "baselines.laser_policies:SearchHold",
+        "gradient-ascent": "baselines.laser_policies:GradientAscent",
+        "ekf-tracking": "baselines.laser_policies:EkfTracking",
+        "rov-tracking": "baselines.laser_policies:RovTracking",
+        "true-center": "baselines.laser_policies:TrueCenter",
+    },
+    "plume-tracing": {
+        "random": "baselines.simple:Random",
+        "quadratic-fit": "baselines.plume_tracing:QuadraticFit",
+        "spiral-surge": "baselines.spiral_surge:SpiralSurge",
+        "straight-line": "baselines.straight_line:StraightLine",
+    },
 }
 
 #: Task -> families of policies: what their names look like, the option that the number in them is, and an example.

@@ -1,6 +1,7 @@
 """How fast worlds step: native batches, the Gymnasium interfaces, and PPO against a zero-cost VecEnv.
 
-``python benchmarks/worlds.py`` measures all; ``--only`` takes one of batch, vector, single, team, localization, ppo.
+``python benchmarks/worlds.py`` measures all; ``--only`` takes one of batch, vector, single, team, localization,
+laser, ppo.
 
 Every figure is the best of several repetitions, in world-steps (decisions) per second; a drift decision is
 ten Runge–Kutta sub-steps with obstacles, energy and observation. Ratios compare runs that alternate in
@@ -19,6 +20,7 @@ import tyro
 
 import aquaquad_envs
 from aquaquad_envs.tasks.batch import WorldBatch
+from baselines import make_policy
 
 
 def best_rate(run: Callable[[], int], repetitions: int = 8) -> float:
@@ -139,6 +141,29 @@ def localization() -> None:
             print(f"localization {name:8} 1024 worlds, {threads} thread(s): {rate / 1e3:6.0f} k/s")
 
 
+def laser() -> None:
+    """Raw batches of 1024 laser tracking worlds, ten sub-steps of both vehicles a step; and with a policy's filter."""
+    actions = np.random.default_rng(0).uniform(-0.6, 0.6, (1024, 2))
+    for threads in (1, 2):
+        batch = aquaquad_envs.make_world_batch("laser-tracking", 1024, threads=threads)
+        rate = batch_rate(batch, actions, steps=50)
+        print(f"laser   1024 worlds, {threads} thread(s), any velocity:  {rate / 1e3:6.0f} k/s")
+        for name in ("search-hold", "ekf-tracking"):
+            policy = make_policy(name, batch)
+
+            def run(batch: WorldBatch = batch, policy: object = policy) -> int:
+                batch.reset(0)
+                policy.reset(np.arange(1024))
+                for _ in range(300):  # search, and a while of tracking
+                    batch.step(policy.act(batch.observations, batch.worlds))
+                return 300 * 1024
+
+            rate = best_rate(run, 4)
+            print(
+                f"laser   1024 worlds, {threads} thread(s), {name:12}: {rate / 1e3:6.0f} k/s, policy included"
+            )
+
+
 def single() -> None:
     """``gymnasium.Env.step`` of one world, with resets; CartPole-v1 beside it."""
     for name in ("AquaQuad/DriftHop-v0", "CartPole-v1"):
@@ -222,7 +247,7 @@ class Args:
     """Measure how fast worlds step."""
 
     only: str | None = None
-    """one of: batch, vector, single, team, localization, ppo"""
+    """one of: batch, vector, single, team, localization, laser, ppo"""
 
 
 if __name__ == "__main__":
@@ -233,6 +258,7 @@ if __name__ == "__main__":
         "single": single,
         "team": team,
         "localization": localization,
+        "laser": laser,
         "ppo": ppo,
     }.items():
         if chosen in (None, label):

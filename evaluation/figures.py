@@ -11,7 +11,9 @@ from aquaquad_envs.physics.currents import CurrentField
 from aquaquad_envs.physics.grids import Grid
 from aquaquad_envs.tasks.batch import WorldBatch
 from evaluation.benchmark import SuiteRun
+from evaluation.figures_laser import draw_light
 from evaluation.figures_localization import draw_localization, localization_title
+from evaluation.figures_plume import draw_plume, plume_title
 from evaluation.figures_team import draw_team, team_title
 from evaluation.rollouts import make_batch
 
@@ -21,6 +23,9 @@ COLOURS = {
     "dr-rrt-star": "#009e73",
     "optimal": "#0072b2", "ppo": "#d55e00", "hold": "#e69f00", "hdop-optimal": "#0072b2",
     "omlp-greedy": "#e69f00", "omlp-1": "#56b4e9", "omlp-2": "#009e73", "omlp-3": "#0072b2",
+    "search-hold": "#e69f00", "gradient-ascent": "#56b4e9", "ekf-tracking": "#009e73", "rov-tracking": "#f0e442",
+    "true-center": "#0072b2",
+    "quadratic-fit": "#0072b2", "spiral-surge": "#009e73", "straight-line": "#e69f00",
 }  # fmt: skip
 _OTHER = "#cc79a7"
 _DRIFT, _HOP = "#0072b2", "#d55e00"
@@ -135,32 +140,41 @@ def tracks(run: SuiteRun) -> bytes:
     figure, axes = _figure(2.35 * len(names) + 0.6, 6.4, nrows=2, ncols=len(names), squeeze=False)
     batch = make_batch(run.suite, 1)
     fastest = 0.0
+    fields = batch.worlds.dtype.names or ()
+    light = run.suite.task == "laser-tracking"
+    unit = "m" if light else "km"
     for column, name in enumerate(names):
         for row, (kind, episode) in enumerate(
             zip(("best", "median"), best_and_median(run, name), strict=True)
         ):
             axis = axes[row, column]
-            fastest = max(fastest, _draw_field(axis, batch, run.runs[name].worlds[episode]))
-            if "place_x" in batch.worlds.dtype.names:
-                draw_localization(axis, batch, run.runs[name], episode)
+            drawn = batch, run.runs[name], episode
+            if not light:
+                fastest = max(fastest, _draw_field(axis, batch, run.runs[name].worlds[episode]))
+            if light:
+                title = draw_light(axis, *drawn)
+            elif "place_x" in fields:
+                draw_localization(axis, *drawn)
                 title = localization_title(run.runs[name], episode)
+            elif "puff_x" in fields:
+                draw_plume(axis, *drawn)
+                title = plume_title(run.runs[name], episode)
             elif batch.task.num_agents is None:
                 _draw_track(axis, batch, run, name, episode)
                 title = _title(batch, run.runs[name].worlds[episode])
             else:
-                draw_team(axis, batch, run.runs[name], episode)
-                title = team_title(batch, run.runs[name], episode)
+                draw_team(axis, *drawn)
+                title = team_title(*drawn)
             axis.set_title(
                 f"{name + chr(10) if row == 0 else ''}{kind}: {title}\nseed {run.seeds[episode]}", fontsize=8
             )
             axis.tick_params(labelsize=6, length=2)
-            if column:
-                if "place_x" not in batch.worlds.dtype.names:  # whose panels have limits of their own
-                    axis.set_yticklabels([])
-            else:
-                axis.set_ylabel("north, km", fontsize=7)
+            if column and "place_x" not in fields and not light:  # whose panels have limits of their own
+                axis.set_yticklabels([])
+            if not column:
+                axis.set_ylabel(f"north, {unit}", fontsize=7)
             if row:
-                axis.set_xlabel("east, km", fontsize=7)
+                axis.set_xlabel(f"east, {unit}", fontsize=7)
     return _png(figure)
 
 

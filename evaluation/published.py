@@ -1,5 +1,7 @@
 """The published tables beside ours: DR-RRT* here (Dillard, NPS 2014, App. C; SPEC §6), tracking and placement in
-:mod:`evaluation.published_sensor_placement`, transponder localization in :mod:`evaluation.published_localization`.
+:mod:`evaluation.published_sensor_placement`, transponder localization in :mod:`evaluation.published_localization`,
+plume tracing in :mod:`evaluation.published_plume`, laser tracking in :mod:`evaluation.published_laser` and
+:mod:`evaluation.published_vehicles`.
 
 DR-RRT*: published vortex, constant per cell, 60 s Euler drift, published start, goal, team and target. The obstacle set
 is not published: ours is one 2 km square at the centre.
@@ -22,10 +24,15 @@ from baselines.dr_rrt_star import plan_published
 from baselines.problem import DriftHopProblem
 from evaluation import (
     manifest,
+    published_laser,
     published_localization,
     published_localization_figures,
     published_localization_tables,
+    published_plume,
+    published_plume_figures,
+    published_plume_tables,
     published_sensor_placement,
+    published_vehicles,
     statistics,
 )
 from evaluation.benchmark import write_json, write_text
@@ -57,7 +64,9 @@ def problem() -> tuple[DriftHopProblem, float]:
 
 
 #: Tasks with published tables.
-TASKS = ("drift-hop", "sensor-placement", "transponder-localization")
+TASKS = ("drift-hop", "sensor-placement", "transponder-localization", "laser-tracking", "plume-tracing")
+#: Runs of DR-RRT* to one of each row of plume tracing and of each flight of laser tracking, and the least of these.
+_PLUME_SHARE, _LASER_SHARE, _LEAST = 5, 20, 4
 
 
 def reproduce(
@@ -73,7 +82,8 @@ def reproduce(
     """Make the tables of ``tasks``; write ``published.json``, ``published.html`` and figures; returns the tables.
 
     ``runs`` of each variant of DR-RRT* and of each row of transponder localization (in proportion where fewer were
-    published), ``tracking_runs`` of each filter. ``advance`` is called :func:`steps` times.
+    published), a twentieth of them of each flight of laser tracking, a fifth of each row of plume tracing,
+    ``tracking_runs`` of each filter. ``advance`` is called :func:`steps` times.
     """
     for task in tasks:
         check_choice("task", task, TASKS)
@@ -96,6 +106,15 @@ def reproduce(
     if "transponder-localization" in tasks:
         found["localization"], drawn = published_localization.reproduce_localization(runs, seed, advance)
         pictures |= published_localization_figures.draw(drawn)
+    if "laser-tracking" in tasks:
+        found["vehicles"], drawn = published_vehicles.reproduce_vehicles()
+        pictures |= drawn
+        found["laser"], drawn = published_laser.reproduce(max(runs // _LASER_SHARE, _LEAST), seed, advance)
+        pictures |= drawn
+    if "plume-tracing" in tasks:
+        count = max(runs // _PLUME_SHARE, _LEAST)
+        found["plume"], drawn = published_plume.reproduce_plume(count, seed, advance)
+        pictures |= published_plume_figures.draw(found["plume"], drawn)
     found["manifest"]["wall_s"] = time.perf_counter() - begun
     write_json(output / "published.json", found)
     for name, png in pictures.items():
@@ -112,9 +131,10 @@ def steps(runs: int, tracking_runs: int, tasks: Sequence[str]) -> int:
     """How often :func:`reproduce` calls ``advance``."""
     planner = len(PUBLISHED) * runs if "drift-hop" in tasks else 0
     placement = published_sensor_placement.steps(tracking_runs) if "sensor-placement" in tasks else 0
-    return (
-        planner + placement + (published_localization.steps() if "transponder-localization" in tasks else 0)
-    )
+    localization = published_localization.steps() if "transponder-localization" in tasks else 0
+    plume = published_plume.steps() if "plume-tracing" in tasks else 0
+    laser = published_laser.steps(runs) if "laser-tracking" in tasks else 0
+    return planner + placement + localization + laser + plume
 
 
 def _reproduce_planner(runs: int, seed: int, advance: Callable[[], None]) -> dict[str, Any]:
@@ -206,6 +226,11 @@ def section(found: dict[str, Any], pictures: dict[str, bytes] | None = None) -> 
         parts.append(published_sensor_placement.section(found["sensor_placement"], pictures))
     if "localization" in found:
         parts.append(published_localization_tables.section(found["localization"], pictures))
+    if "laser" in found:
+        parts.append(published_vehicles.section(found["vehicles"], pictures))
+        parts.append(published_laser.section(found["laser"], pictures))
+    if "plume" in found:
+        parts.append(published_plume_tables.section(found["plume"], pictures))
     return "\n".join(parts)
 
 
@@ -225,6 +250,11 @@ def print_table(found: dict[str, Any], console: Any) -> None:
         published_sensor_placement.print_tables(found["sensor_placement"], console)
     if "localization" in found:
         published_localization_tables.print_tables(found["localization"], console)
+    if "laser" in found:
+        published_vehicles.print_tables(found["vehicles"], console)
+        published_laser.print_tables(found["laser"], console)
+    if "plume" in found:
+        published_plume_tables.print_tables(found["plume"], console)
 
 
 def _print_planner(found: dict[str, Any], console: Any) -> None:

@@ -83,6 +83,14 @@ def frozen_strata() -> dict[str, list[int]]:
     return {name: strata[name] for name in STRATA}
 
 
+#: Ambient light at 532 nm that varies by 30 %, a third of a flat top's, and twice the noise.
+DAYLIGHT: dict[str, Any] = {"ambient_w_m2": 0.005, "ambient_variation": 0.3, "noise_std_w_m2": 1e-3}
+
+
+def _light(name: str, about: str, **params: Any) -> Suite:
+    return Suite(task="laser-tracking", name=name, about=about, params=params, episodes=100)
+
+
 def _placement(name: str, about: str, episodes: int, **params: Any) -> Suite:
     return Suite(task="sensor-placement", name=name, about=about, params=params, episodes=episodes)
 
@@ -90,6 +98,10 @@ def _placement(name: str, about: str, episodes: int, **params: Any) -> Suite:
 def _localization(name: str, about: str, episodes: int, **params: Any) -> Suite:
     params = {"scenario": name, **params}
     return Suite(task="transponder-localization", name=name, about=about, params=params, episodes=episodes)
+
+
+def _tracing(name: str, about: str, episodes: int, **params: Any) -> Suite:
+    return Suite(task="plume-tracing", name=name, about=about, params=params, episodes=episodes)
 
 
 _WATERS = {
@@ -163,6 +175,50 @@ SUITES: dict[str, tuple[Suite, ...]] = {
         ),
         _localization(
             "file", "as aquaquad, in currents of an ocean model from a NetCDF file", 24, vehicle="aquaquad"
+        ),
+    ),
+    "laser-tracking": (
+        _light("still", "flat-top light over a vehicle that holds its place", scenario="still"),
+        _light("moving", "flat-top light over a vehicle on a straight course, up to 0.3 m/s", scenario="moving"),
+        _light("wandering", "flat-top light over a vehicle that wanders, up to 0.3 m/s", scenario="wandering"),
+        _light(
+            "flat-top", "flat-top light, the vehicle still, on a straight course, turning or wandering in equal parts",
+            scenario="mixed",
+        ),
+        _light("gaussian", "the episodes of flat-top under a Gaussian beam", scenario="mixed", profile="gaussian"),
+        _light(
+            "daylight", "the episodes of flat-top with ambient light that varies, and twice the noise",
+            scenario="mixed", **DAYLIGHT,
+        ),
+        _light(
+            "planar", "the published reduction to one horizontal axis: from the ground, a vehicle on a straight course",
+            scenario="moving", axes=1, start_altitude_m=0.0,
+        ),
+    ),
+    "plume-tracing": (
+        _tracing("surround", "ten robots on a 20 m ring, 8 m above a lamp, 50 updates", 24, scenario="surround"),
+        _tracing("corner", "the same, the robots on an arc of 40° to one side", 24, scenario="corner"),
+        _tracing("noise", "surround with 10 % sensor noise", 24, scenario="surround", sensor_noise=0.1),
+        _tracing(
+            "position-error", "surround with believed positions up to 0.5 m wrong in x and y, 80 updates", 24,
+            scenario="surround", position_error_m=0.5, horizon_updates=80,
+        ),
+        _tracing(
+            "heading-error", "surround with robots whose courses are up to 20° wrong", 24, scenario="surround",
+            heading_error_deg=20.0,
+        ),
+        _tracing(
+            "advected", "a smooth plume in a stream with eddies, ten robots 40 m downstream", 24, scenario="advected"
+        ),
+        _tracing(
+            "turbulent", "a meandering plume of filaments in such a stream, ten robots 40 m downstream", 48,
+            scenario="turbulent",
+        ),
+        *(
+            _tracing(
+                f"turbulent-{n}", f"the same with {n} robots", episodes, scenario="turbulent", num_robots=n,
+            )
+            for n, episodes in ((3, 48), (30, 24))
         ),
     ),
 }  # fmt: skip

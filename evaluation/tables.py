@@ -236,4 +236,97 @@ TABLES: dict[str, TaskTable] = {
         ),
         notes="notes_localization.html",
     ),
+    "laser-tracking": TaskTable(
+        task="laser-tracking",
+        scoring="evaluation.scores_laser",
+        lasted="acquired",
+        lasted_word="found the light",
+        shares=("acquired",),
+        robust=("time_in_lda", "time_in_lda_acquired", "center_rmse_m", "time_to_acquire_s"),
+        references=("null", "bound"),
+        score_ends="0 is search-hold, 1 the true centre.",
+        score_label="score (0 search-hold, 1 true centre)",
+        distribution=(("time_in_lda", "share of time in the LDA"),),
+        distribution_title="Time in the light and score of each policy on",
+        rank=(("time_in_lda", -1),),
+        tracks_caption="The best and the median episode of each policy by time in the detectable area. Circle: start; "
+        "star: the light's centre at the end.",
+        main=(
+            Column(metric="acquired", heading="found the<br>light", better="more", interval=True, percent=True),
+            Column(metric="time_in_lda", heading="in the LDA", better="more", interval=True, percent=True, digits=1),
+            Column(
+                metric="time_in_lda_acquired", heading="after<br>acquisition", better="more", interval=True,
+                percent=True, digits=1, optional=True,
+            ),
+            Column(
+                metric="time_to_acquire_s", heading="to acquire, s<br>mean", better="less", interval=True, digits=1,
+            ),
+            Column(
+                metric="center_rmse_m", heading="centre error, m<br>mean", better="less", interval=True,
+                reliable=True, optional=True,
+            ),
+            Column(metric="light_received", heading="light<br>received", percent=True),
+            _SCORE,
+        ),
+        strata=6,
+        pairings=(
+            Pairing(
+                metric="time_in_lda", less_is_better=False, digits=3,
+                headings=("seeds", "share in the LDA:<br>first − second", "first stays<br>longer"),
+            ),
+        ),
+        terminal=(
+            ("found", "acquired", "percent"), ("in LDA", "time_in_lda", "percent"),
+            ("95 %", "time_in_lda", "ci95"), ("after acq.", "time_in_lda_acquired", "percent"),
+            ("acquire s", "time_to_acquire_s", "mean"), ("error m", "center_rmse_m", "mean"),
+        ),
+        notes="notes_laser.html",
+    ),
+    "plume-tracing": TaskTable(
+        task="plume-tracing",
+        scoring="evaluation.scores_plume",
+        lasted="success",
+        lasted_word="reached",
+        shares=("success",),
+        robust=("updates_to_source",),
+        references=("null", "bound"),
+        score_ends="0 is random, 1 a team that goes straight to a source that it knows, by updates to the source.",
+        score_label="score (0 random, 1 straight line)",
+        distribution=(("updates_to_source", "updates to the source (all where not reached)"),),
+        distribution_title="Updates to the source and score of each policy on",
+        rank=(("updates_to_source", 1), ("closest_m", 1)),
+        tracks_caption="The best and the median episode of each policy by updates to the source. Each robot in its own "
+        "colour from above, circle: start, dot: end; star: source; green: puffs at the end. Grey shade and arrows: the "
+        "true current halfway through the episode.",
+        main=(
+            Column(metric="success", heading="reached", better="more", interval=True, percent=True),
+            Column(metric="updates_to_source", heading="updates<br>mean", better="less", interval=True, digits=1),
+            Column(
+                metric="updates_to_source", heading="updates<br>IQM", better="less", statistic="iqm", interval=True,
+                digits=1,
+            ),
+            Column(metric="reached_after", heading="when<br>reached", digits=1, optional=True),
+            Column(metric="closest_m", heading="closest,<br>m", better="less", interval=True, reliable=True),
+            Column(metric="center_of_mass_m", heading="mean,<br>m", better="less", interval=True, reliable=True),
+            Column(metric="furthest_m", heading="furthest,<br>m", digits=1),
+            _SCORE,
+        ),
+        strata=8,
+        pairings=(
+            Pairing(
+                metric="updates_to_source", less_is_better=True, digits=1,
+                headings=("seeds", "updates:<br>first − second", "first is<br>sooner"),
+            ),
+            Pairing(
+                metric="center_of_mass_m", less_is_better=True,
+                headings=("seeds", "mean distance, m:<br>first − second", "first ends<br>nearer"),
+            ),
+        ),
+        terminal=(
+            ("reached", "success", "percent"), ("updates", "updates_to_source", "mean"),
+            ("95 %", "updates_to_source", "ci95"), ("closest m", "closest_m", "mean"),
+            ("mean m", "center_of_mass_m", "mean"), ("furthest m", "furthest_m", "mean"),
+        ),
+        notes="notes_plume.html",
+    ),
 }  # fmt: skip

@@ -19,6 +19,8 @@ TASKS = {
     "transponder-localization": (
         "AquaQuad/TransponderLocalization-v0", "single", "aquaquad_envs.tasks.transponder_localization",
     ),
+    "laser-tracking": ("AquaQuad/LaserTracking-v0", "single", "aquaquad_envs.tasks.laser_tracking"),
+    "plume-tracing": ("AquaQuad/PlumeTracing-v0", "team", "aquaquad_envs.tasks.plume_tracing"),
 }  # fmt: skip
 
 

@@ -86,6 +86,25 @@ def test_a_team_turns_to_its_nearest_target():
     np.testing.assert_allclose(Frame("goal", names).act(np.array([[0.3, -0.2]]), nothing), [[0.3, -0.2]])
 
 
+def test_a_team_that_traces_a_plume_turns_along_the_current():
+    batch = aquaquad_envs.make_world_batch("plume-tracing", 3, num_fields=3, plume_age_s=20.0)
+    names = batch.task.observation_names
+    rows = batch.reset(0).reshape(-1, len(names))
+    frame = Frame("goal", names)
+    seen = frame.observe(rows)
+    for k in range(1, 6):
+        pair = [names.index(f"robot {k} d{axis}") for axis in "xy"]
+        along = rows[:, names.index("flow direction x")] * rows[:, pair[0]]
+        along += rows[:, names.index("flow direction y")] * rows[:, pair[1]]
+        np.testing.assert_allclose(seen[:, pair[0]], along, atol=1e-6)
+    # Upstream, and down as it was.
+    acted = frame.act(np.tile([-1.0, 0.0, 0.7], (len(rows), 1)), rows)
+    np.testing.assert_allclose(acted[:, 0], -rows[:, names.index("flow direction x")], atol=1e-6)
+    np.testing.assert_allclose(acted[:, 2], 0.7)
+    back = frame.see_actions(acted, rows)
+    np.testing.assert_allclose(back, np.tile([-1.0, 0.0, 0.7], (len(rows), 1)), atol=1e-6)
+
+
 def test_refuses_unknown_frames_and_tasks_without_a_direction():
     with pytest.raises(InvalidParameterError, match="frame"):
         Frame("north", OBSERVATION_NAMES)

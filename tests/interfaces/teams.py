@@ -10,9 +10,20 @@ from tests.interfaces import toy_team
 
 #: Every task of a team, the toy first.
 TEAMS = [toy_team.NAME, *(name for name, (_, agents, _) in TASKS.items() if agents == "team")]
+#: Teams that begin and end together: no agent is done before its world.
+TOGETHER = {"plume-tracing"}
 #: Parameters under which random actions end agents one by one and worlds soon, by task.
 SHORT = {
+    "laser-tracking": {"horizon_s": 3.0},
     toy_team.NAME: {"horizon": 12, "battery": 30.0},
+    "plume-tracing": {
+        "horizon_updates": 25,
+        "num_fields": 4,
+        "plume_age_s": 60.0,
+        "comm_radius_m": 8.0,
+        "comm_loss": 0.2,
+        "own_weight": 0.5,  # agents differ in their rewards
+    },
     "sensor-placement": {
         "horizon_s": 3600.0,
         "scenario": "gyres",

@@ -18,13 +18,14 @@ from aquaquad_envs.tasks.task import TASKS
 
 SINGLE = {env_id: name for name, (env_id, agents, _) in TASKS.items() if agents == "single"}
 #: Parameters with which random actions end episodes soon, by task.
-SHORT = {"drift-hop": {"horizon_s": 3600.0}}
+SHORT = {"drift-hop": {"horizon_s": 3600.0}, "laser-tracking": {"horizon_s": 3.0}}
 VARIANTS = {
     "drift-hop": [{}, {"scenario": "gyres", "num_fields": 4}, {"action_type": "discrete"}],
     "transponder-localization": [
         {}, {"vehicle": "greedy", "scenario": "current", "num_fields": 2}, {"action_type": "discrete"},
         {"vehicle": "aquaquad", "scenario": "deep", "num_fields": 2, "solar": "constant"},
     ],
+    "laser-tracking": [{}, {"axes": 1, "start_altitude_m": 0.0}],
 }  # fmt: skip
 CASES = [(env_id, params) for env_id, name in SINGLE.items() for params in VARIANTS.get(name, [{}])]
 

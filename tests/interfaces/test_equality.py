@@ -17,6 +17,9 @@ PARAMS = {
         "scenario": "current", "num_fields": 8, "num_transponders": 2, "current_noise_m_s": 0.05, "outlier_share": 0.1,
         "sound_speed_error": 0.01, "robust_threshold": 2.0,
     },
+    "laser-tracking": {
+        "scenario": "mixed", "ambient_w_m2": 0.005, "ambient_variation": 0.3, "horizon_s": 2.0,
+    },
 }  # fmt: skip
 WORLDS, SEED, DECISIONS = 5, 20, 60
 

@@ -7,7 +7,7 @@ import pytest
 
 import aquaquad_envs
 from aquaquad_envs.errors import InvalidActionError, InvalidParameterError
-from tests.interfaces.teams import SHORT, TEAMS, list_toy, make_batch, random_actions
+from tests.interfaces.teams import SHORT, TEAMS, TOGETHER, list_toy, make_batch, random_actions
 from tests.interfaces.toy_team import NAME as TOY
 
 WORLDS = 6
@@ -89,6 +89,8 @@ def test_rows_are_agents_and_wait_for_their_world(case):
         # What comes next is what the caller was given, whatever the caller does to it.
         before = observations.copy()
         observations[:] = 7.0
+    if task in TOGETHER:
+        assert seen.pop("waiting") == seen.pop("ended early") == 0
     assert min(seen.values()) > 0, f"{task}: not all was seen ({seen}); change SHORT"
 
 

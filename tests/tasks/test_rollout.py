@@ -5,7 +5,7 @@ import pytest
 
 from aquaquad_envs.tasks.batch import make_world_batch
 from aquaquad_envs.tasks.rollout import EpisodeResults, rollout
-from tests.interfaces.teams import TEAMS, list_toy, make_batch, random_actions
+from tests.interfaces.teams import TEAMS, TOGETHER, list_toy, make_batch, random_actions
 
 
 class Hop:
@@ -107,7 +107,9 @@ def test_a_teams_episode_depends_on_its_seed_alone(task, monkeypatch):
     assert together.track.shape == (together.decisions.max() + 1, 5, agents, 2)
     assert together.flown.shape == (together.decisions.max(), 5, agents)
     assert (together.worlds["outcome"] > 0).all()
-    assert np.ptp(together.rewards, axis=1).max() > 0 or not together.rewards.any()
+    # Where agents end together, a team reward is the same for all.
+    apart = np.ptp(together.rewards, axis=1).max() > 0
+    assert apart or task in TOGETHER or not together.rewards.any()
     parts = []
     for seeds in ([0, 1, 2], [3, 4]):
         batch = make_batch(task, len(seeds))
