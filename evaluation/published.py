@@ -1,7 +1,6 @@
 """The published tables beside ours: DR-RRT* here (Dillard, NPS 2014, App. C; SPEC §6), tracking and placement in
 :mod:`evaluation.published_sensor_placement`, transponder localization in :mod:`evaluation.published_localization`,
-plume tracing in :mod:`evaluation.published_plume`, laser tracking in :mod:`evaluation.published_laser` and
-:mod:`evaluation.published_vehicles`.
+plume tracing in :mod:`evaluation.published_plume`, laser tracking in :mod:`evaluation.published_laser`.
 
 DR-RRT*: published vortex, constant per cell, 60 s Euler drift, published start, goal, team and target. The obstacle set
 is not published: ours is one 2 km square at the centre.
@@ -32,7 +31,6 @@ from evaluation import (
     published_plume_figures,
     published_plume_tables,
     published_sensor_placement,
-    published_vehicles,
     statistics,
 )
 from evaluation.benchmark import write_json, write_text
@@ -107,8 +105,6 @@ def reproduce(
         found["localization"], drawn = published_localization.reproduce_localization(runs, seed, advance)
         pictures |= published_localization_figures.draw(drawn)
     if "laser-tracking" in tasks:
-        found["vehicles"], drawn = published_vehicles.reproduce_vehicles()
-        pictures |= drawn
         found["laser"], drawn = published_laser.reproduce(max(runs // _LASER_SHARE, _LEAST), seed, advance)
         pictures |= drawn
     if "plume-tracing" in tasks:
@@ -227,7 +223,6 @@ def section(found: dict[str, Any], pictures: dict[str, bytes] | None = None) -> 
     if "localization" in found:
         parts.append(published_localization_tables.section(found["localization"], pictures))
     if "laser" in found:
-        parts.append(published_vehicles.section(found["vehicles"], pictures))
         parts.append(published_laser.section(found["laser"], pictures))
     if "plume" in found:
         parts.append(published_plume_tables.section(found["plume"], pictures))
@@ -251,7 +246,6 @@ def print_table(found: dict[str, Any], console: Any) -> None:
     if "localization" in found:
         published_localization_tables.print_tables(found["localization"], console)
     if "laser" in found:
-        published_vehicles.print_tables(found["vehicles"], console)
         published_laser.print_tables(found["laser"], console)
     if "plume" in found:
         published_plume_tables.print_tables(found["plume"], console)

@@ -217,7 +217,7 @@ def reproduce(runs: int, seed: int, advance: Callable[[], None]) -> tuple[dict[s
     """Every number, as JSON can hold it, and the figure as PNG; ``advance`` is called :func:`steps` times."""
     from evaluation.published_laser_figure import draw
 
-    check_range("laser-runs", runs, 1, 100_000)
+    check_range("runs", runs, 1, 100_000)
     check_range("seed", seed, 0, 2**62)
     pattern, searched = search_pattern(seed)
     advance()

@@ -77,5 +77,5 @@ def test_runs_depend_on_their_seeds_only():
 
 
 def test_refusals_say_why():
-    with pytest.raises(InvalidParameterError, match="laser-runs: got 0"):
+    with pytest.raises(InvalidParameterError, match="runs: got 0"):
         published_laser.reproduce(0, 0, lambda: None)
