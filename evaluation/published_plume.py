@@ -131,14 +131,16 @@ def reproduce_plume(
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """All tables as JSON can hold them, and what the figures draw.
 
-    ``runs`` of each published row, half as many of the others, from ``seed`` on. ``advance`` is called
+    ``runs`` of each published row, a quarter of them of the others, from ``seed`` on. ``advance`` is called
     :func:`steps` times.
     Raises ``InvalidParameterError`` for runs or seeds out of bounds.
     """
     check_range("plume-runs", runs, 4, 100_000)
     check_range("seed", seed, 0, 2**62)
+    fewer = max(runs // values.FEWER, 2)
     found: dict[str, Any] = {
-        "runs": runs, "seed": seed, "published_runs": values.RUNS, "source": values.SOURCE, "noise": [], "position": [],
+        "runs": runs, "fewer": fewer, "seed": seed, "published_runs": values.RUNS, "source": values.SOURCE,
+        "noise": [], "position": [],
         "heading": [], "locked": {},
     }  # fmt: skip
     for table, row in _settings():
@@ -146,7 +148,7 @@ def reproduce_plume(
         world = {
             **row["world"], "scenario": row["start"], "updates": "simultaneous" if product else "sequential"
         }  # fmt: skip
-        count = runs if not product and table != "heading" else runs // 2
+        count = runs if not product and table != "heading" else fewer
         made = _run(count, seed, world, {} if product else PRINTED, row.get("factor", 0.0))
         variant = "product" if product else "one factor" if "factor" in row else "published"
         found[table].append(_row(row["start"], variant, row["level"], row.get("theirs"), made))
@@ -156,6 +158,6 @@ def reproduce_plume(
                 "horizon": values.POSITION_UPDATES,
             }  # fmt: skip
         advance()
-    found["orientation"], drawn = reproduce_orientation(max(runs // 2, 2), seed, PRINTED)
+    found["orientation"], drawn = reproduce_orientation(fewer, seed, PRINTED)
     advance()
     return found, drawn

@@ -12,6 +12,7 @@ from evaluation.published_plume_values import COLUMNS, STARTS
 _BLUE, _ORANGE, _GREEN = "#0072b2", "#e69f00", "#009e73"
 _COLOURS = dict(zip(COLUMNS, (_BLUE, _GREEN, _ORANGE), strict=True))
 _AXES = {"noise": ("sensor noise, %", 100.0), "position": ("position error, m", 1.0)}
+_RANGE_M = (0.01, 60.0)
 #: Share of the axis between the marks of published and ours.
 _ASIDE = 0.012
 
@@ -46,6 +47,7 @@ def errors(found: dict[str, Any]) -> bytes:
                         theirs = [r["published"][column] for r in chosen]
                         axis.plot(levels, theirs, "x", color=colour, markersize=8, label=COLUMNS[column])
             axis.set_yscale("log")
+            axis.set_ylim(*_RANGE_M)  # bars that reach down to nothing would take all the room
             axis.set(xlabel=label, ylabel="distance to the source, m", title=start)
             axis.grid(color="#dddddd", linewidth=0.6)
     axes[0, 0].legend(fontsize=8, title="published")

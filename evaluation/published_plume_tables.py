@@ -63,7 +63,7 @@ def _rows(name: str, rows: list[dict[str, Any]]) -> tuple[list[str], list[list[s
 
 def tables(found: dict[str, Any]) -> list[Table]:
     """All tables: key, title, note, head and rows of plain text."""
-    half = found["runs"] // 2
+    fewer = found["fewer"]
     source = found["source"]
     marks = (
         f"{_MARKS[True].strip()} {_MARKS[False].strip()}: ours above or below by more than {MARK:g} standard errors "
@@ -74,7 +74,7 @@ def tables(found: dict[str, Any]) -> list[Table]:
         (
             "noise", "Plume tracing: sensor noise",
             f"Published: {source}, tables 1 and 2. Ours: mean ± standard deviation over {found['runs']} runs, in rows "
-            f"“ours” {half}. Script: the algorithm as printed, robots in turn, ten readings of the moment, QR. One "
+            f"“ours” {fewer}. Script: the algorithm as printed, robots in turn, ten readings of the moment, QR. One "
             "factor for all: its noise as printed, which does not move the minimum; noise of each reading does. "
             f"Ours: all at once, best 20 readings, SVD with fall-back to the plane. {marks}",
             *_rows("noise", found["noise"]),
@@ -82,7 +82,7 @@ def tables(found: dict[str, Any]) -> list[Table]:
         (
             "position", "Plume tracing: position error",
             f"Published: {source}, tables 3 and 4. Script: the error is added to the true places at every robot's "
-            f"update, a random walk, as printed. Ours: an error of measurement, {half} runs. {marks}",
+            f"update, a random walk, as printed. Ours: an error of measurement, {fewer} runs. {marks}",
             *_rows("position", found["position"]),
         ),
         (
@@ -98,7 +98,7 @@ def tables(found: dict[str, Any]) -> list[Table]:
         (
             "heading", "Plume tracing: heading error",
             f"Published: {source}, section 8: the robots still find the source, on longer ways. Ours: each robot's "
-            f"course is wrong by the same angle all along, uniform within ± the error; {half} runs.",
+            f"course is wrong by the same angle all along, uniform within ± the error; {fewer} runs.",
             *_rows("heading", found["heading"]),
         ),
         _orientation(found),

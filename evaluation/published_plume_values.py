@@ -12,6 +12,8 @@ import numpy as np
 SOURCE = "SAND2003-2643"
 #: Runs behind each published mean: what the printed script averages (A.1).
 RUNS = 5
+#: Our runs of a row that has a published mean, to one of a row that has none.
+FEWER = 4
 STARTS = ("surround", "corner")
 #: Columns of the tables by our metric. The script calls the mean distance of the robots that of their centre of mass.
 COLUMNS = {"center_of_mass_m": "CM", "closest_m": "closest", "furthest_m": "furthest"}
