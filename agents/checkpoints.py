@@ -99,8 +99,8 @@ def load(
 def shipped(task: str, scenario: str) -> Path:
     """Folder of the checkpoint in the repository for ``task`` on ``scenario``.
 
-    The vortex scenarios share one; every other scenario uses the one trained on random gyres. Sensor placement
-    and transponder localization have one for all.
+    The vortex scenarios share one; every other scenario uses the one trained on random gyres. Each other
+    task has one for all its scenarios.
     """
     alone = {
         "sensor-placement": "vortex", "transponder-localization": "random", "laser-tracking": "flat-top",

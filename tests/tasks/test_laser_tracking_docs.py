@@ -11,19 +11,13 @@ from aquaquad_envs.tasks import laser_tracking, laser_tracking_params
 from aquaquad_envs.tasks.laser_tracking_data import OUTCOMES, REWARD_TERMS, SCENARIOS, WORLD
 from aquaquad_envs.tasks.laser_tracking_observation import OBSERVATION_NAMES
 from evaluation.suites import SUITES
+from tests.tasks.pages import table_of
 
 PAGE = (Path(__file__).parents[2] / "docs" / "laser_tracking.md").read_text()
 
 
 def table(heading):
-    """Rows of the first table under a heading, cells stripped of spaces and backticks."""
-    section = re.search(rf"^## {heading}$(.*?)(?=^## |\Z)", PAGE, re.MULTILINE | re.DOTALL)[1]
-    rows = []
-    for line in section[section.index("|---") :].splitlines()[1:]:
-        if not line.startswith("|"):
-            break
-        rows.append([cell.strip().strip("`") for cell in line.strip("|").split(" | ")])
-    return rows
+    return table_of(PAGE, heading)
 
 
 def test_observations():

@@ -13,20 +13,14 @@ from aquaquad_envs.tasks.plume_tracing_data import LAYOUTS, OUTCOMES, REWARD_TER
 from aquaquad_envs.tasks.plume_tracing_observation import OBSERVATION_NAMES, STATE_NAMES
 from baselines import POLICIES
 from evaluation.suites import SUITES
+from tests.tasks.pages import table_of
 
 PAGE = (Path(__file__).parents[2] / "docs" / "plume_tracing.md").read_text()
 _POWER = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 
 
 def table(heading):
-    """Rows of the first table under a heading, cells stripped of spaces and backticks."""
-    section = re.search(rf"^## {heading}$(.*?)(?=^## |\Z)", PAGE, re.MULTILINE | re.DOTALL)[1]
-    rows = []
-    for line in section[section.index("|---") :].splitlines()[1:]:
-        if not line.startswith("|"):
-            break
-        rows.append([cell.strip().strip("`") for cell in line.strip("|").split(" | ")])
-    return rows
+    return table_of(PAGE, heading)
 
 
 def test_observations_and_state():

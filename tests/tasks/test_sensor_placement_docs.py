@@ -10,19 +10,13 @@ import pytest
 from aquaquad_envs.tasks import sensor_placement, sensor_placement_params
 from aquaquad_envs.tasks.sensor_placement_data import OUTCOMES, REWARD_TERMS, TARGET_MOTIONS, WORLD
 from aquaquad_envs.tasks.sensor_placement_observation import OBSERVATION_NAMES, STATE_NAMES
+from tests.tasks.pages import table_of
 
 PAGE = (Path(__file__).parents[2] / "docs" / "sensor_placement.md").read_text()
 
 
 def table(heading):
-    """Rows of the first table under a heading, cells stripped of spaces and backticks."""
-    section = re.search(rf"^## {heading}$(.*?)(?=^## |\Z)", PAGE, re.MULTILINE | re.DOTALL)[1]
-    rows = []
-    for line in section[section.index("|---") :].splitlines()[1:]:
-        if not line.startswith("|"):
-            break
-        rows.append([cell.strip().strip("`") for cell in line.strip("|").split(" | ")])
-    return rows
+    return table_of(PAGE, heading)
 
 
 def test_observations_and_state():

@@ -11,19 +11,13 @@ from aquaquad_envs.tasks import transponder_localization, transponder_localizati
 from aquaquad_envs.tasks.transponder_localization_data import OUTCOMES, REWARD_TERMS, VEHICLES, WORLD
 from aquaquad_envs.tasks.transponder_localization_observation import OBSERVATION_NAMES
 from aquaquad_envs.tasks.transponder_localization_params import Params
+from tests.tasks.pages import table_of
 
 PAGE = (Path(__file__).parents[2] / "docs" / "transponder_localization.md").read_text()
 
 
 def table(heading):
-    """Rows of the first table under a heading, cells stripped of spaces and backticks."""
-    section = re.search(rf"^## {heading}$(.*?)(?=^## |\Z)", PAGE, re.MULTILINE | re.DOTALL)[1]
-    rows = []
-    for line in section[section.index("|---") :].splitlines()[1:]:
-        if not line.startswith("|"):
-            break
-        rows.append([cell.strip().strip("`") for cell in line.strip("|").split(" | ")])
-    return rows
+    return table_of(PAGE, heading)
 
 
 def test_observations():
