@@ -40,15 +40,21 @@ class Options:
     """
 
     task: Annotated[str | None, arg(metavar="TASK", help_behavior_hint="")] = None
-    """decision problem: drift-hop, sensor-placement (default: all)"""
+    """decision problem: drift-hop, sensor-placement, transponder-localization, laser-tracking or plume-tracing
+    (default: all)"""
     policies: Annotated[tuple[str, ...], arg(metavar="NAME,NAME...", help_behavior_hint="")] = ()
-    """random, drift, ppo; drift-hop: direct-flight, greedy, dr-rrt-star, optimal; sensor-placement: hold, hdop-optimal;
-    also ppo=FOLDER for a checkpoint that you trained, MODULE:CLASS for a policy that you wrote (default: all that
-    ship)"""
+    """random, ppo; drift-hop: drift, direct-flight, greedy, dr-rrt-star, optimal; sensor-placement: drift, hold,
+    hop-in-turn, hdop-optimal; transponder-localization: omlp-greedy, omlp-1, omlp-2, omlp-3, any omlp-K;
+    laser-tracking: search-hold, gradient-ascent, ekf-tracking, memory-tracking, rov-tracking, true-center;
+    plume-tracing: quadratic-fit, spiral-surge, straight-line; also ppo=FOLDER for a checkpoint that you trained,
+    MODULE:CLASS for a policy that you wrote (default: all that ship)"""
     suite: Annotated[tuple[str, ...], arg(metavar="NAME,NAME...", help_behavior_hint="")] = ()
     """drift-hop: vortex, vortex-perturbed, gyres, forecast-error; sensor-placement: calm-, vortex- or gyres- with
-    bearing, range or tdoa, fence, grid-1x1, grid-3x3, grid-5x5; both: file (default: all; file only when
-    --currents is given)"""
+    bearing, range or tdoa, fence, grid-1x1, grid-3x3, grid-5x5; transponder-localization: single, four, random,
+    current, field, aquaquad; laser-tracking: still, moving, wandering, flat-top, gaussian, daylight, planar;
+    plume-tracing: surround, corner, noise, position-error, heading-error, advected, turbulent, turbulent-3,
+    turbulent-30; also file (default: all; file
+    only when --currents is given)"""
     episodes: Annotated[int | None, arg(metavar="N", help_behavior_hint="")] = None
     """episodes of each suite (default: each suite's quick size, 4 to 100)"""
     seed: Annotated[int, arg(metavar="N")] = 0

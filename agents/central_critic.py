@@ -50,8 +50,8 @@ class StateVecEnv(VecEnvWrapper):
         return self._with_state(observations), rewards, done, infos
 
     def _with_state(self, observations: np.ndarray) -> np.ndarray:
-        batch = self.venv.batch
-        self._state = np.repeat(batch.state(), batch.num_agents, axis=0)
+        views = [np.repeat(batch.state(), batch.num_agents, axis=0) for batch in self.venv.batches]
+        self._state = np.concatenate(views)
         return np.concatenate([observations, self._state], axis=1)
 
 

@@ -30,6 +30,8 @@ class Recipe:
     #: frame of the policy's vectors, one of ``agents.frames.FRAMES``
     frame: str = "world"
     params: dict[str, Any] = field(default_factory=dict)
+    #: kinds of worlds that are practised side by side, as many of each: what differs in each from ``params``
+    variants: tuple[dict[str, Any], ...] = ({},)
     validation: dict[str, Any] = field(default_factory=dict)
     algorithm_settings: dict[str, Any] = field(default_factory=dict)
     initial_log_std: float = -1.0
@@ -143,6 +145,7 @@ def sensor_placement_recipe(scenario: str, algorithm: str) -> Recipe:
         "measurement": "tdoa",
         "failure_penalty": 40.0,
         "acquisition_weight": 10.0,
+        "energy_weight": 0.4,
     }
     fields = {"field_seed": 1, "num_fields": 512} if scenario == "gyres" else {}
     checks = {"field_seed": 2, "num_fields": 200} if scenario == "gyres" else {}
@@ -152,6 +155,8 @@ def sensor_placement_recipe(scenario: str, algorithm: str) -> Recipe:
         algorithm=algorithm,
         num_worlds=128,
         params={**params, **fields},
+        # Half the missions end after six decisions: the first ones of a badly placed team are practised most.
+        variants=({}, {"horizon_s": 1800.0}),
         validation={**params, **checks},
         # What a hop does to the geometry shows within hours.
         algorithm_settings={**_PPO, "gamma": 0.98},
@@ -159,14 +164,14 @@ def sensor_placement_recipe(scenario: str, algorithm: str) -> Recipe:
         initial_log_std=-3.0,
         hidden=(256, 256),
         imitation_rounds=10,
-        expert="hdop-optimal",
+        expert="hop-in-turn",
         imitation_worlds=128,
         # The first decisions decide the RMSE of a mission that starts badly placed, and are few among all.
         imitation_missions=24,
-        imitation_decisions=4,
+        imitation_decisions=6,
         imitation_huber=0.1,
         imitation_epochs=6,
-        imitation_margin_m=50.0,
+        imitation_margin_m=0.0,
         value_warmup_frames=300_000,
         evaluation_episodes=100,
     )
@@ -205,11 +210,17 @@ def transponder_localization_recipe(scenario: str, algorithm: str) -> Recipe:
 def laser_tracking_recipe(scenario: str, algorithm: str) -> Recipe:
     """The recipe of laser tracking under a flat top with "ppo": every motion below, dark or with ambient light.
 
-    Memory is in the observation: readings and places up to 3.2 s back, where light was seen and where its edges were.
+    Memory is in the observation: readings and places up to 3.2 s back, where the light must be, where it is dark.
     """
     check_choice("scenario", scenario, ("flat-top", "daylight"))
     check_choice("algorithm", algorithm, ("ppo",))
-    params: dict[str, Any] = {"scenario": "mixed", "profile": "flat-top"}
+    # Light is received beyond the detectable area too, which is what counts.
+    params: dict[str, Any] = {
+        "scenario": "mixed",
+        "profile": "flat-top",
+        "light_weight": 0.2,
+        "area_weight": 1.0,
+    }
     if scenario == "daylight":
         params |= {"ambient_w_m2": 0.004, "ambient_variation": 0.35, "noise_std_w_m2": 8e-4}
     return Recipe(
@@ -219,13 +230,14 @@ def laser_tracking_recipe(scenario: str, algorithm: str) -> Recipe:
         num_worlds=256,
         params=params,
         validation=params,
-        # Ten seconds ahead: long enough to get back into the light, or nearly to go round a search's circle.
-        algorithm_settings={**_PPO, "n_steps": 128, "batch_size": 8192, "gamma": 0.99},
+        # Twenty seconds ahead: long enough to get back into the light, and to go round a search's circle.
+        algorithm_settings={**_PPO, "n_steps": 128, "batch_size": 8192, "gamma": 0.995},
         frame="goal",
+        hidden=(256, 128),
         initial_log_std=-2.5,
         imitation_rounds=10,
-        expert="ekf-tracking",
-        imitation_worlds=48,
+        expert="memory-tracking",
+        imitation_worlds=96,
         imitation_missions=1,
         imitation_epochs=6,
         value_warmup_frames=500_000,

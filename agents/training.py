@@ -22,6 +22,7 @@ from agents.framed_vec_env import FramedVecEnv
 from agents.frames import Frame
 from agents.imitation import imitate
 from agents.learned import LearnedPolicy
+from agents.mixed_vec_env import MixedVecEnv
 from agents.recipes import FIRST_TRAINING_SEED, VALIDATION_SEED, Recipe, check_steps
 from agents.state import actor_of, actor_tensors, put_actor, restore_state, training_tensors
 from aquaquad_envs.errors import CheckpointError
@@ -34,7 +35,10 @@ ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "mappo": PPO, "sac": S
 
 def build(recipe: Recipe, *, seed: int, threads: int, log_folder: Path | None) -> BaseAlgorithm:
     """The untrained Stable-Baselines3 model of ``recipe`` over a native batch of worlds."""
-    worlds = sb3_vec_env(recipe.task, recipe.num_worlds, threads=threads, **recipe.params)
+    kinds = [{**recipe.params, **variant} for variant in recipe.variants]
+    share = max(recipe.num_worlds // len(kinds), 1)
+    parts = [sb3_vec_env(recipe.task, share, threads=threads, **params) for params in kinds]
+    worlds = parts[0] if len(parts) == 1 else MixedVecEnv(parts)
     env: VecEnvWrapper = FramedVecEnv(worlds, Frame(recipe.frame, worlds.batch.task.observation_names))
     settings = dict(recipe.algorithm_settings)
     policy: dict[str, Any] = {"net_arch": list(recipe.hidden)}

@@ -46,6 +46,7 @@ POLICIES: dict[str, dict[str, str]] = {
         "random": "baselines.simple:Random",
         "drift": "baselines.simple:Drift",
         "hold": "baselines.hold:Hold",
+        "hop-in-turn": "baselines.hop_in_turn:HopInTurn",
         "hdop-optimal": "baselines.hdop_optimal:HdopOptimal",
     },
     "transponder-localization": {
@@ -60,6 +61,7 @@ POLICIES: dict[str, dict[str, str]] = {
         "search-hold": "baselines.laser_policies:SearchHold",
         "gradient-ascent": "baselines.laser_policies:GradientAscent",
         "ekf-tracking": "baselines.laser_policies:EkfTracking",
+        "memory-tracking": "baselines.memory_tracking:MemoryTracking",
         "rov-tracking": "baselines.laser_policies:RovTracking",
         "true-center": "baselines.laser_policies:TrueCenter",
     },

@@ -21,9 +21,10 @@ from evaluation.rollouts import make_batch
 COLOURS = {
     "random": "#7f7f7f", "drift": "#56b4e9", "direct-flight": "#e69f00", "greedy": "#f0e442",
     "dr-rrt-star": "#009e73",
-    "optimal": "#0072b2", "ppo": "#d55e00", "hold": "#e69f00", "hdop-optimal": "#0072b2",
+    "optimal": "#0072b2", "ppo": "#d55e00", "hold": "#e69f00", "hdop-optimal": "#0072b2", "hop-in-turn": "#009e73",
     "omlp-greedy": "#e69f00", "omlp-1": "#56b4e9", "omlp-2": "#009e73", "omlp-3": "#0072b2",
     "search-hold": "#e69f00", "gradient-ascent": "#56b4e9", "ekf-tracking": "#009e73", "rov-tracking": "#f0e442",
+    "memory-tracking": "#000000",
     "true-center": "#0072b2",
     "quadratic-fit": "#0072b2", "spiral-surge": "#009e73", "straight-line": "#e69f00",
 }  # fmt: skip
@@ -142,7 +143,6 @@ def tracks(run: SuiteRun) -> bytes:
     fastest = 0.0
     fields = batch.worlds.dtype.names or ()
     light = run.suite.task == "laser-tracking"
-    unit = "m" if light else "km"
     for column, name in enumerate(names):
         for row, (kind, episode) in enumerate(
             zip(("best", "median"), best_and_median(run, name), strict=True)
@@ -171,11 +171,25 @@ def tracks(run: SuiteRun) -> bytes:
             axis.tick_params(labelsize=6, length=2)
             if column and "place_x" not in fields and not light:  # whose panels have limits of their own
                 axis.set_yticklabels([])
-            if not column:
-                axis.set_ylabel(f"north, {unit}", fontsize=7)
-            if row:
-                axis.set_xlabel(f"east, {unit}", fontsize=7)
+    _label_axes(axes, in_metres=light)
     return _png(figure)
+
+
+def _label_axes(axes: np.ndarray, *, in_metres: bool) -> None:
+    """Name the axes of panels drawn in m or km; what is less than a kilometre wide reads in m."""
+    small = not in_metres and all(float(np.ptp(axis.get_xlim())) < 1.0 for axis in axes.flat)
+    unit = "m" if in_metres or small else "km"
+    for axis in axes[:, 0]:
+        axis.set_ylabel(f"north, {unit}", fontsize=7)
+    for axis in axes[-1]:
+        axis.set_xlabel(f"east, {unit}", fontsize=7)
+    if small:
+        from matplotlib.ticker import FixedFormatter
+
+        for side in (side for axis in axes.flat for side in (axis.xaxis, axis.yaxis)):
+            # Panels without numbers stay so.
+            if not isinstance(side.get_major_formatter(), FixedFormatter):
+                side.set_major_formatter(lambda kilometres, _: f"{1e3 * kilometres:g}")
 
 
 def _title(batch: WorldBatch, world: np.ndarray) -> str:

@@ -26,11 +26,13 @@ ABOUT = {
     "quadratic-fit": "steps to the minimum of a quadratic through the best readings shared (Byrne et al. 2003)",
     "spiral-surge": "upstream on every detection, on spirals in between",
     "straight-line": "knows the source and goes straight to it: the bound",
+    "hop-in-turn": "every vehicle hops where the team gains most, knowing what those before it in turn do",
     "hdop-optimal": "hops to where the predicted error of the tracks is least, energy priced",
     "omlp-greedy": "measures next where one range tells most",
     "search-hold": "concentric search, then stays where the light was met",
     "gradient-ascent": "concentric search, then climbs the gradient of the reading",
     "ekf-tracking": "concentric search, then rides the rim about the centre that a bank of Kalman filters believes in",
+    "memory-tracking": "sweeps ground from the guess outwards, then rides round the centre that the world believes in",
     "rov-tracking": "flies over where filtered acoustic fixes place the submerged vehicle",
     "true-center": "flies to the true centre",
 }

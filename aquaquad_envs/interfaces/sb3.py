@@ -37,6 +37,8 @@ class WorldVecEnv(VecEnv):
         if not isinstance(stagger, int | np.integer) or stagger < 0:
             raise InvalidParameterError("stagger", stagger, "a whole number of 0 or more")
         self.batch = make_world_batch(task, num_worlds, threads=threads, **params)
+        #: The batches behind the rows, in their order.
+        self.batches = [self.batch]
         self.stagger = int(stagger)
         self.render_mode: str | None = None
         rows = num_worlds * self.batch.num_agents

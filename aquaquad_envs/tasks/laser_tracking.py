@@ -10,7 +10,7 @@ import numpy as np
 
 from aquaquad_envs.physics.quadrotor import Quadrotor
 from aquaquad_envs.physics.rov import Rov
-from aquaquad_envs.sensing.laser import detectable_radius, peak_intensity
+from aquaquad_envs.sensing.laser import detectable_radius, peak_intensity, radius_of_intensity
 from aquaquad_envs.tasks import laser_tracking_data as data
 from aquaquad_envs.tasks import laser_tracking_kernels as kernels
 from aquaquad_envs.tasks.laser_tracking_observation import OBSERVATION_NAMES
@@ -18,6 +18,11 @@ from aquaquad_envs.tasks.laser_tracking_params import Params
 from aquaquad_envs.tasks.task import ActionSpec, Task
 
 __all__ = ["TASK", "Params", "build", "metrics"]
+
+#: s in the dark after which light that is found again may be anywhere.
+_LOST_AFTER_S = 3.0
+#: Share of the way to where light can be detected within which darkness rules a centre out.
+_SWEEP = 0.9
 
 
 def metrics(worlds: np.ndarray, params: Params) -> dict[str, np.ndarray]:
@@ -54,6 +59,11 @@ def build(params: Params) -> tuple[data.Ocean, data.Constants, tuple[str, ...]]:
     if full_scale is None:
         full_scale = 1.5 * (peak + beam.ambient)
     level = float(params.noise_level)
+    noise_std = level * float(params.noise_std_w_m2)
+    levels = 2 ** int(params.adc_bits)
+    # Two deviations of the noise, a step of the converter, and half a deviation of ambient light that is not followed.
+    margin = 2.0 * noise_std + 0.5 * float(params.ambient_variation) * beam.ambient
+    margin += full_scale / (levels - 1) if levels > 1 else 0.0
     constants = data.Constants(
         axes=int(params.axes), horizon=float(params.horizon_s), action_period=float(params.action_period_s),
         sub_steps=int(params.sub_steps), max_speed=float(params.max_speed_m_s), altitude=float(params.altitude_m),
@@ -62,14 +72,16 @@ def build(params: Params) -> tuple[data.Ocean, data.Constants, tuple[str, ...]]:
         motion=data.SCENARIOS[params.scenario], rov_speed=float(params.rov_speed_m_s),
         turn_period=float(params.turn_period_s), wander_time=float(params.wander_time_s), beam=beam, peak=peak,
         radius=float(detectable_radius(beam, height)), detection=float(params.detection_share) * peak,
-        noise_std=level * float(params.noise_std_w_m2), levels=2 ** int(params.adc_bits),
+        noise_std=noise_std, levels=levels, margin=max(margin, 1e-3 * peak), lost_after=_LOST_AFTER_S,
+        sweep=_SWEEP * float(radius_of_intensity(beam, params.detection_share * peak, height)),
         full_scale=float(full_scale), ambient_variation=float(params.ambient_variation),
         ambient_time=float(params.ambient_time_s), position_std=level * float(params.position_std_m),
         velocity_std=level * float(params.velocity_std_m_s),
         rov_velocity_known=params.rov_velocity == "measured",
         rov_velocity_std=level * float(params.rov_velocity_std_m_s), fix_std=level * float(params.fix_std_m),
         fix_period=float(params.fix_period_s), quadrotor=Quadrotor(), vehicle=Rov(),
-        light_weight=float(params.light_weight), center_weight=float(params.center_weight),
+        light_weight=float(params.light_weight), area_weight=float(params.area_weight),
+        center_weight=float(params.center_weight),
         effort_weight=float(params.effort_weight),
     )  # fmt: skip
     return data.Ocean(nothing=np.zeros(1)), constants, ()

@@ -14,7 +14,7 @@ from aquaquad_envs.sensing.laser import Beam
 OUTCOMES = ("running", "time out")
 RUNNING, TIME_OUT = range(2)
 
-REWARD_TERMS = ("light", "center", "effort")
+REWARD_TERMS = ("light", "area", "center", "effort")
 
 STILL, MOVING, TURNING, WANDERING, MIXED = range(5)
 #: Code of each motion of the submerged vehicle by the name that users write.
@@ -26,6 +26,8 @@ PLANAR = 10
 PLANES = 2
 #: Decisions whose reading and place are kept.
 HISTORY = 64
+#: Sectors of the ground about the centre of a search, from east anticlockwise.
+SECTORS = 16
 
 #: One record is one world. Positions in m from the quadrotor's start, x east, y north; velocities in m/s, times in s.
 WORLD = np.dtype(
@@ -45,9 +47,13 @@ WORLD = np.dtype(
         ("carried_y", np.float64), ("guess_x", np.float64), ("guess_y", np.float64), ("fix_x", np.float64),
         ("fix_y", np.float64), ("fix_s", np.float64), ("command_u", np.float64), ("command_v", np.float64),
         # What is remembered of readings, in the frame that moves with the ROV as far as its velocity is known.
-        ("history", np.float64, (HISTORY, 3)), ("detected", np.int64),
+        # Of a reading: signal as a share of the peak, place, least and greatest distance to the centre that it tells.
+        ("history", np.float64, (HISTORY, 5)), ("detected", np.int64),
         ("light_s", np.float64), ("light_x", np.float64), ("light_y", np.float64),
-        ("lit_x", np.float64), ("lit_y", np.float64), ("lit_count", np.float64),
+        ("ambient_seen", np.float64),  # believed ambient light
+        ("center_x", np.float64), ("center_y", np.float64),  # believed of the light
+        # Where the light is looked for, and how far from there the ground is known to be dark, sector by sector.
+        ("search_x", np.float64), ("search_y", np.float64), ("swept", np.float64, (SECTORS,)),
         ("edge_s", np.float64), ("edge_x", np.float64), ("edge_y", np.float64), ("edge_kind", np.int64),
         ("rim_x", np.float64), ("rim_y", np.float64), ("rim_count", np.float64),
         # Sums over the episode, for metrics.
@@ -87,6 +93,9 @@ class Constants(NamedTuple):
     beam: Beam
     peak: float  # W/m², on the axis at the nominal height
     radius: float  # m, of the detectable area there
+    margin: float  # W/m² by which a reading less the believed ambient light may be wrong
+    sweep: float  # m; no centre is within this of a place that is dark
+    lost_after: float  # s in the dark after which light is found anew
     detection: float  # W/m² above the nominal ambient light that count as light
     noise_std: float
     levels: int
@@ -105,5 +114,6 @@ class Constants(NamedTuple):
     vehicle: Rov
     # Reward.
     light_weight: float
+    area_weight: float
     center_weight: float
     effort_weight: float

@@ -7,6 +7,7 @@ import numpy as np
 from aquaquad_envs.compilation import kernel, loop_kernel
 from aquaquad_envs.physics.randomness import normal, uniform
 from aquaquad_envs.tasks.laser_tracking_data import RUNNING, TIME_OUT
+from aquaquad_envs.tasks.laser_tracking_memory import remember, start_memory
 from aquaquad_envs.tasks.laser_tracking_motion import (
     LANES,
     ROWS,
@@ -17,7 +18,7 @@ from aquaquad_envs.tasks.laser_tracking_motion import (
     start_vehicles,
 )
 from aquaquad_envs.tasks.laser_tracking_observation import observe_world
-from aquaquad_envs.tasks.laser_tracking_sensing import find_light, measure, remember, start_sensing
+from aquaquad_envs.tasks.laser_tracking_sensing import find_light, measure, start_sensing
 
 
 @kernel
@@ -63,6 +64,7 @@ def reset_world(world, c):
     if world.in_lda == 1:
         world.acquired_s = 0.0
     start_sensing(world, c)
+    start_memory(world, c)
 
 
 @kernel
@@ -85,9 +87,10 @@ def _take_command(world, action, c):
 def _price(world, change, term, c):
     """Reward terms of a decision; see docs/laser_tracking.md."""
     term[0] = c.light_weight * c.action_period * min(world.light / c.peak, 1.0)
-    term[1] = c.center_weight * c.action_period * c.radius / (c.radius + world.range_m)
-    term[2] = -c.effort_weight * c.action_period * change * change
-    return term[0] + term[1] + term[2]
+    term[1] = c.area_weight * c.action_period * world.in_lda
+    term[2] = c.center_weight * c.action_period * c.radius / (c.radius + world.range_m)
+    term[3] = -c.effort_weight * c.action_period * change * change
+    return term[0] + term[1] + term[2] + term[3]
 
 
 @loop_kernel

@@ -82,6 +82,7 @@ class Params:
     fix_period_s: float = 1.0
     #: weights of the reward terms (see docs/laser_tracking.md).
     light_weight: float = 1.0
+    area_weight: float = 0.0
     center_weight: float = 0.2
     effort_weight: float = 0.02
 
@@ -126,6 +127,7 @@ _BOUNDS = (
     ("full_scale_w_m2", 0, 1e9, True), ("ambient_w_m2", 0, 1e6, False), ("ambient_variation", 0, 1, False),
     ("ambient_time_s", 0.1, 1e6, False), ("detection_share", 0, 1, True), ("position_std_m", 0, 100, False),
     ("velocity_std_m_s", 0, 100, False), ("rov_velocity_std_m_s", 0, 100, False), ("fix_std_m", 0, 1e4, False),
-    ("fix_period_s", 1e-3, 1e6, False), ("light_weight", 0, 1e6, False), ("center_weight", 0, 1e6, False),
+    ("fix_period_s", 1e-3, 1e6, False), ("light_weight", 0, 1e6, False), ("area_weight", 0, 1e6, False),
+    ("center_weight", 0, 1e6, False),
     ("effort_weight", 0, 1e6, False),
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""What the quadrotor of laser tracking measures, and what it remembers of that."""
+"""What the quadrotor of laser tracking measures."""
 
 from __future__ import annotations
 
@@ -7,13 +7,9 @@ import numpy as np
 from aquaquad_envs.compilation import kernel
 from aquaquad_envs.physics.randomness import normal
 from aquaquad_envs.sensing.laser import detectable_radius, intensity, reading
-from aquaquad_envs.tasks.laser_tracking_data import HISTORY
 
 #: m; the light is computed for no less height over the source.
 LEAST_HEIGHT = 0.1
-#: s; places where there was light count in their mean for about so long, and so many edges in that of edges.
-LIT_MEMORY_S = 10.0
-RIM_MEMORY = 4.0
 
 
 @kernel
@@ -80,7 +76,7 @@ def measure(world, dt, c):
 
 @kernel
 def start_sensing(world, c):
-    """First readings of an episode, and nothing to remember."""
+    """First readings of an episode."""
     world.own_y = 0.0
     world.own_v = 0.0
     world.seen_u = 0.0
@@ -89,62 +85,7 @@ def start_sensing(world, c):
     world.carried_y = 0.0
     world.ambient = c.beam.ambient
     world.ambient_state = 0.0
-    world.detected = 0
-    world.light_s = -1.0
-    world.light_x = 0.0
-    world.light_y = 0.0
-    world.lit_x = 0.0
-    world.lit_y = 0.0
-    world.lit_count = 0.0
-    world.edge_s = -1.0
-    world.edge_x = 0.0
-    world.edge_y = 0.0
-    world.edge_kind = 0
-    world.rim_x = 0.0
-    world.rim_y = 0.0
-    world.rim_count = 0.0
     world.fix_s = -2.0 * c.fix_period
     if c.ambient_variation > 0.0:
         world.ambient_state = normal(world.rng_field)
     measure(world, 0.0, c)
-    remember(world, c)
-
-
-@kernel
-def signal_of(world, c):
-    """The reading less the nominal ambient light, W/m²."""
-    return world.reading - c.beam.ambient
-
-
-@kernel
-def remember(world, c):
-    """Take the present reading into memory, at the place where it was made.
-
-    Places are own position less ``carried``: relative to the submerged vehicle as far as its motion is known,
-    and to where it was at the start.
-    """
-    x = world.own_x - world.carried_x
-    y = world.own_y - world.carried_y
-    signal = signal_of(world, c)
-    detected = 1 if signal >= c.detection else 0
-    if detected == 1:
-        world.light_s = world.time_s
-        world.light_x = x
-        world.light_y = y
-        world.lit_count = min(world.lit_count + 1.0, max(LIT_MEMORY_S / c.action_period, 1.0))
-        world.lit_x += (x - world.lit_x) / world.lit_count
-        world.lit_y += (y - world.lit_y) / world.lit_count
-    if detected != world.detected and world.steps > 0:
-        last = world.history[(world.steps - 1) % HISTORY]
-        world.edge_x = 0.5 * (x + last[1])
-        world.edge_y = 0.5 * (y + last[2])
-        world.edge_s = world.time_s
-        world.edge_kind = 1 if detected == 1 else -1
-        world.rim_count = min(world.rim_count + 1.0, RIM_MEMORY)
-        world.rim_x += (world.edge_x - world.rim_x) / world.rim_count
-        world.rim_y += (world.edge_y - world.rim_y) / world.rim_count
-    world.detected = detected
-    entry = world.history[world.steps % HISTORY]
-    entry[0] = signal / c.peak
-    entry[1] = x
-    entry[2] = y

@@ -57,6 +57,10 @@ def metrics(worlds: np.ndarray, params: Params) -> dict[str, np.ndarray]:
     }
 
 
+#: Share of the way flown in a step of the tracker that a short hop is: the vehicle listens again at its end.
+_SHORT_HOP = 0.96
+
+
 def _constants(params: Params, clock_offset: float) -> data.Constants:
     still, steered = params.scenario in ("calm", "grid"), params.scenario == "grid"
     density = equivalent_density(
@@ -72,6 +76,9 @@ def _constants(params: Params, clock_offset: float) -> data.Constants:
         params.measurement, SCALE_VEHICLES, range_m=0.5 * params.half_width_m,
         sound_speed_m_s=params.sound_speed_m_s,
     )  # fmt: skip
+    step_s = params.action_period_s / params.sub_steps
+    longest = params.vehicle_speed_m_s * params.action_period_s if steered else params.max_hop_m
+    short = longest if steered else min(longest, _SHORT_HOP * params.airspeed_m_s * step_s)
     emissions = Emissions(
         kind=params.emissions, period_s=params.emission_period_s, jitter=params.emission_jitter,
         mean_on_s=params.emission_on_s, mean_off_s=params.emission_off_s,
@@ -82,6 +89,7 @@ def _constants(params: Params, clock_offset: float) -> data.Constants:
         num_targets=int(params.num_targets), horizon=float(params.horizon_s),
         action_period=float(params.action_period_s), sub_steps=int(params.sub_steps), still_water=still,
         steered=steered, vehicle_speed=float(params.vehicle_speed_m_s),
+        longest_step=float(longest), short_hop=float(short),
         cluster_radius=float(params.cluster_radius_m) if params.start_layout == "cluster" else 0.0,
         target_motion=data.TARGET_MOTIONS[params.target_motion],
         target_speed=float(params.target_speed_m_s), target_density=float(params.target_noise_m2_s3),

@@ -37,6 +37,8 @@ TARGET_MOTIONS = {
 STATES, BOUND_STATES = 6, 4
 #: Corners of the fence.
 CORNERS = 4
+#: Error of a rough fix in errors of a good one.
+ROUGH_FIX = 20.0
 #: Columns of a measurement under way: when the tracker gets it and when it was heard (s), target, sensor's
 #: place, the other sensor's (TDOA), value, standard deviation.
 DUE, HEARD, WHOSE, SENSOR_X, SENSOR_Y, OTHER_X, OTHER_Y, VALUE, SIGMA = range(9)
@@ -102,6 +104,8 @@ SCRATCH = np.dtype(
         ("flight_v", np.float64, _VEHICLES), ("order", np.int64, _VEHICLES), ("key", np.float64, _VEHICLES),
         *((f"lane_{name}", np.float64, (MAX_VEHICLES, _LANES)) for name in ("x", "y", "weight")),
         *((f"lane_{name}", np.float64, (_LANES,)) for name in ("a", "b", "d", "rx", "ry", "least", "one", "hdop")),
+        ("room", np.float64, (MAX_VEHICLES, FORMATIONS)), ("turn_hdop", np.float64, (MAX_VEHICLES, FORMATIONS)),
+        ("turn", np.int64, _VEHICLES),
         ("error2", np.float64), ("bound2", np.float64),
         ("hdop", np.float64), ("squashed_hdop", np.float64), ("coverage", np.float64),
         ("flown_wh", np.float64), ("died", np.int64),
@@ -132,6 +136,8 @@ class Constants(NamedTuple):
     initial_charge: float
     start_time_spread: float
     clock_offset: float  # s of local solar time at clock 0
+    longest_step: float  # m, of a full action
+    short_hop: float  # m, over before the tracker's next step
     cluster_radius: float  # 0: vehicles start anywhere
     current_noise: float
     # Targets.

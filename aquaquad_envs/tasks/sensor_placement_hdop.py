@@ -11,7 +11,7 @@ import numpy as np
 from aquaquad_envs.compilation import kernel, lane_kernel, loop_kernel
 from aquaquad_envs.estimation.hdop import hdop_of_information
 from aquaquad_envs.sensing.measurements import TDOA, measurement_gradient, measurement_std
-from aquaquad_envs.tasks.sensor_placement_data import FORMATIONS, HEADINGS_DEG
+from aquaquad_envs.tasks.sensor_placement_data import FORMATIONS, HEADINGS_DEG, ROUGH_FIX
 
 #: Of the headings of hops that are looked at.
 COS = np.cos(np.radians(HEADINGS_DEG))
@@ -56,8 +56,8 @@ def _add_squashed(a, b, d, total, cap, scale):
 
 
 @loop_kernel
-def believed_hdops(w, lanes, c, s):
-    """Mean over targets of the squashed HDOP about the estimates: ``s.lane_hdop`` of the first ``lanes`` formations."""
+def believed_hdops(w, lanes, scale, c, s):
+    """``s.lane_hdop`` of ``lanes`` formations: mean over targets of the believed HDOP, squashed at ``scale``."""
     total = s.lane_hdop[:lanes]
     total[:] = 0.0
     a, b, d = s.lane_a[:lanes], s.lane_b[:lanes], s.lane_d[:lanes]
@@ -90,7 +90,7 @@ def believed_hdops(w, lanes, c, s):
                     px, py, weight, rx, ry, ones, a, b, d, x, y, c.kind, c.std, c.noise_level, c.noise_reference,
                     c.sound_speed,
                 )  # fmt: skip
-        _add_squashed(a, b, d, total, c.hdop_cap, c.fix_scale)
+        _add_squashed(a, b, d, total, c.hdop_cap, scale)
     for k in range(lanes):
         total[k] /= max(c.num_targets, 1)
 
@@ -125,21 +125,87 @@ def direction_of_nearest(w, i, c):
     return ux, uy
 
 
+@kernel
+def end_of_hop(w, i, k, ux, uy, c):
+    """Where a short hop of vehicle ``i`` on heading ``k`` from (ux, uy), the nearest estimate's direction, ends."""
+    x = w.x[i] + c.short_hop * (COS[k] * ux - SIN[k] * uy)
+    return x, w.y[i] + c.short_hop * (SIN[k] * ux + COS[k] * uy)
+
+
 @loop_kernel
 def hdops_of_changes(w, c, s):
     """HDOP now and after each change of one vehicle alone, into ``s.lane_hdop``.
 
     Lane 0 is the present formation. Vehicle i has lanes 1 + ``FORMATIONS`` i and on: the team without it, then
-    with it a full hop away on each heading from the direction of the nearest estimate.
+    with it a short hop away on each heading from the direction of the nearest estimate.
     """
     lanes = 1 + FORMATIONS * c.num_vehicles
     present_formation(w, lanes, c, s)
-    reach = c.vehicle_speed * c.action_period if c.steered else c.max_hop
     for i in range(c.num_vehicles):
         first = 1 + FORMATIONS * i
         s.lane_weight[i, first] = 0.0
         ux, uy = direction_of_nearest(w, i, c)
         for k in range(COS.size):
-            s.lane_x[i, first + 1 + k] += reach * (COS[k] * ux - SIN[k] * uy)
-            s.lane_y[i, first + 1 + k] += reach * (SIN[k] * ux + COS[k] * uy)
-    believed_hdops(w, lanes, c, s)
+            x, y = end_of_hop(w, i, k, ux, uy, c)
+            s.lane_x[i, first + 1 + k] = x
+            s.lane_y[i, first + 1 + k] = y
+    believed_hdops(w, lanes, c.fix_scale, c, s)
+
+
+@kernel
+def sort_keys(count, s):
+    """Indices ``s.order`` of the first ``count`` keys ``s.key``, least first; ties in the order of indices."""
+    for k in range(count):
+        at = k
+        while at > 0 and s.key[s.order[at - 1]] > s.key[k]:
+            s.order[at] = s.order[at - 1]
+            at -= 1
+        s.order[at] = k
+
+
+@kernel
+def _best_hop(i, hdops, s):
+    """Index of the least of ``hdops`` (FORMATIONS,), 0: no hop, among the hops that have room to land."""
+    best = 0
+    for k in range(1, FORMATIONS):
+        if s.room[i, k] > 0.0 and hdops[k] < hdops[best]:
+            best = k
+    return best
+
+
+@loop_kernel
+def hdops_in_turn(w, c, s):
+    """HDOP, squashed at a rough fix, as the vehicles afloat hop one after another, each where it gains most.
+
+    The one whose best hop alone leaves the least HDOP comes first; all know what those before them do. ``s.turn[i]``
+    is the vehicle's turn, 0 first; ``s.turn_hdop[i]`` the HDOP before its turn, and after its hop on each heading.
+    Needs the lanes of :func:`hdops_of_changes` and ``s.room``.
+    """
+    for i in range(c.num_vehicles):
+        first = 1 + FORMATIONS * i
+        # The lane without the vehicle stands for no hop here.
+        s.lane_hdop[first] = s.lane_hdop[0]
+        hdops = s.lane_hdop[first : first + FORMATIONS]
+        s.key[i] = hdops[_best_hop(i, hdops, s)] if s.afloat[i] else np.inf
+        s.turn_hdop[i, :] = 0.0
+    sort_keys(c.num_vehicles, s)
+    present_formation(w, FORMATIONS, c, s)
+    for turn in range(c.num_vehicles):
+        i = s.order[turn]
+        s.turn[i] = turn
+        if not s.afloat[i]:
+            continue
+        ux, uy = direction_of_nearest(w, i, c)
+        for k in range(COS.size):
+            x, y = end_of_hop(w, i, k, ux, uy, c)
+            s.lane_x[i, 1 + k] = x
+            s.lane_y[i, 1 + k] = y
+        believed_hdops(w, FORMATIONS, ROUGH_FIX * c.fix_scale, c, s)
+        for k in range(FORMATIONS):
+            s.turn_hdop[i, k] = s.lane_hdop[k]
+        best = _best_hop(i, s.turn_hdop[i], s)
+        x = s.lane_x[i, best]
+        y = s.lane_y[i, best]
+        for k in range(FORMATIONS):
+            s.lane_x[i, k] = x
+            s.lane_y[i, k] = y

@@ -16,6 +16,7 @@ from aquaquad_envs.tasks.sensor_placement_coverage import coverage
 from aquaquad_envs.tasks.sensor_placement_data import (
     MAX_TARGETS,
     MAX_VEHICLES,
+    ROUGH_FIX,
     RUNNING,
     SCRATCH,
     TEAM_LOST,
@@ -33,8 +34,6 @@ from aquaquad_envs.tasks.sensor_placement_vehicles import begin_motion, move_veh
 
 #: Energy unit of the reward, Wh a vehicle.
 REWARD_UNIT_WH = 10.0
-#: Error of a rough fix in errors of a good one.
-ROUGH_FIX = 20.0
 
 
 @kernel

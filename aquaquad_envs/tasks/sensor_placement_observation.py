@@ -25,11 +25,13 @@ from aquaquad_envs.tasks.sensor_placement_data import (
 )
 from aquaquad_envs.tasks.sensor_placement_hdop import (
     COS,
-    SIN,
     believed_hdops,
     direction_of_nearest,
+    end_of_hop,
+    hdops_in_turn,
     hdops_of_changes,
     present_formation,
+    sort_keys,
     squash,
 )
 from aquaquad_envs.tasks.sensor_placement_sensing import find_afloat, without
@@ -42,6 +44,7 @@ _OWN = (
     "current u", "current v", "obstacle distance", "obstacle direction x", "obstacle direction y",
     "room", *(f"room after hop {heading}°" for heading in HEADINGS_DEG),
     "HDOP", "HDOP share", *(f"HDOP after hop {heading}°" for heading in HEADINGS_DEG),
+    "turn", "HDOP before turn", *(f"HDOP after hop {heading}° in turn" for heading in HEADINGS_DEG),
     "coverage", "fence dx", "fence dy", "gap dx", "gap dy",
 )  # fmt: skip
 _VEHICLE = ("mask", "dx", "dy", "alive", "on the water")
@@ -55,8 +58,8 @@ OBSERVATION_NAMES = (
     *(f"target {k} {name}" for k in range(1, MAX_TARGETS + 1) for name in _TARGET),
 )
 SIZE = len(OBSERVATION_NAMES)
-_CURRENT, _OBSTACLE, _ROOM, _HDOP, _FENCE = (
-    _OWN.index(name) for name in ("current u", "obstacle distance", "room", "HDOP", "coverage")
+_CURRENT, _OBSTACLE, _ROOM, _HDOP, _TURN, _FENCE = (
+    _OWN.index(name) for name in ("current u", "obstacle distance", "room", "HDOP", "turn", "coverage")
 )
 _VEHICLES, _TARGETS = len(_OWN), len(_OWN) + (MAX_VEHICLES - 1) * len(_VEHICLE)
 _VEHICLE_WIDTH, _TARGET_WIDTH = len(_VEHICLE), len(_TARGET)
@@ -85,17 +88,6 @@ def _signed(value, scale):
 
 
 @kernel
-def _sort(count, s):
-    """Indices ``s.order`` of the first ``count`` keys ``s.key``, least first; ties in the order of indices."""
-    for k in range(count):
-        at = k
-        while at > 0 and s.key[s.order[at - 1]] > s.key[k]:
-            s.order[at] = s.order[at - 1]
-            at -= 1
-        s.order[at] = k
-
-
-@kernel
 def _vehicle_rows(w, i, out, c, s):
     """The other vehicles: alive ones first, the nearest first."""
     for k in range(c.num_vehicles):
@@ -103,7 +95,7 @@ def _vehicle_rows(w, i, out, c, s):
         dy = w.y[k] - w.y[i]
         s.key[k] = dx * dx + dy * dy if w.agent_outcome[k] == RUNNING else 1e30
     s.key[i] = np.inf
-    _sort(c.num_vehicles, s)
+    sort_keys(c.num_vehicles, s)
     for row in range(c.num_vehicles - 1):
         k = s.order[row]
         at = _VEHICLES + row * _VEHICLE_WIDTH
@@ -122,7 +114,7 @@ def _target_rows(w, i, out, c, s):
         dx = w.estimate[j, 0] - w.x[i]
         dy = w.estimate[j, 1] - w.y[i]
         s.key[j] = dx * dx + dy * dy
-    _sort(c.num_targets, s)
+    sort_keys(c.num_targets, s)
     for row in range(c.num_targets):
         j = s.order[row]
         at = _TARGETS + row * _TARGET_WIDTH
@@ -186,10 +178,9 @@ def _own_part(w, i, out, alive, ocean, c):
         v += c.current_noise * normal(w.rng_sensor)
     out[_CURRENT] = unit(u / CURRENT_SCALE)
     out[_CURRENT + 1] = unit(v / CURRENT_SCALE)
-    reach = c.vehicle_speed * c.action_period if c.steered else c.max_hop
     clear = clearance_at(ocean.clearance, w.obstacle, ocean.clearance_grid, x, y)
     dx, dy = nearest_direction(ocean.clearance, w.obstacle, ocean.clearance_grid, x, y)
-    out[_OBSTACLE] = unit(clear / reach)
+    out[_OBSTACLE] = unit(clear / c.longest_step)
     out[_OBSTACLE + 1] = unit(dx)
     out[_OBSTACLE + 2] = unit(dy)
 
@@ -202,17 +193,35 @@ def _room(x, y, w, ocean, c):
 
 
 @loop_kernel
-def _room_part(w, i, out, ocean, c):
-    """Room here, and where full hops would land on each heading from the direction of the nearest estimate."""
-    x = w.x[i]
-    y = w.y[i]
-    reach = c.vehicle_speed * c.action_period if c.steered else c.max_hop
-    out[_ROOM] = unit(_room(x, y, w, ocean, c) / reach)
-    ux, uy = direction_of_nearest(w, i, c)
-    for k in range(COS.size):
-        landing_x = x + reach * (COS[k] * ux - SIN[k] * uy)
-        landing_y = y + reach * (SIN[k] * ux + COS[k] * uy)
-        out[_ROOM + 1 + k] = unit(_room(landing_x, landing_y, w, ocean, c) / reach)
+def _find_rooms(w, ocean, c, s):
+    """Room of every vehicle, m, into ``s.room``: here, and where short hops would land on each heading."""
+    for i in range(c.num_vehicles):
+        s.room[i, 0] = _room(w.x[i], w.y[i], w, ocean, c)
+        ux, uy = direction_of_nearest(w, i, c)
+        for k in range(COS.size):
+            x, y = end_of_hop(w, i, k, ux, uy, c)
+            s.room[i, 1 + k] = _room(x, y, w, ocean, c)
+
+
+@loop_kernel
+def _hdop_parts(w, members, observations, c, s):
+    """HDOP of the team, after changes of each vehicle alone, and as the vehicles hop in turn."""
+    hdops_of_changes(w, c, s)
+    present = s.lane_hdop[0]
+    for i in range(c.num_vehicles):
+        if members[i]:
+            observations[i, _HDOP] = present
+            if s.afloat[i]:
+                for k in range(FORMATIONS):
+                    observations[i, _HDOP + 1 + k] = unit(s.lane_hdop[1 + FORMATIONS * i + k] - present)
+    hdops_in_turn(w, c, s)
+    for i in range(c.num_vehicles):
+        if members[i] and s.afloat[i]:
+            observations[i, _TURN] = (1 + s.turn[i]) / MAX_VEHICLES
+            before = s.turn_hdop[i, 0]
+            observations[i, _TURN + 1] = before
+            for k in range(1, FORMATIONS):
+                observations[i, _TURN + 1 + k] = unit(s.turn_hdop[i, k] - before)
 
 
 @loop_kernel
@@ -221,23 +230,20 @@ def observe_world(w, members, observations, ocean, c, s):
     s.flight_left_s[:] = 0.0
     alive = find_afloat(w, c, s)
     sine, cosine = local_time(w.clock_s + w.time_s, c)
+    observations[: c.num_vehicles, :] = 0.0
+    _find_rooms(w, ocean, c, s)
     if c.num_targets > 0:
-        hdops_of_changes(w, c, s)
+        _hdop_parts(w, members, observations, c, s)
     covered = coverage(w, s.afloat, c) if c.fence else 0.0
     for i in range(c.num_vehicles):
-        out = observations[i]
-        out[:] = 0.0
         if not members[i]:
             continue
+        out = observations[i]
         _own_part(w, i, out, alive, ocean, c)
-        _room_part(w, i, out, ocean, c)
+        for k in range(FORMATIONS):
+            out[_ROOM + k] = unit(s.room[i, k] / c.longest_step)
         out[3] = sine
         out[4] = cosine
-        if c.num_targets > 0:
-            out[_HDOP] = s.lane_hdop[0]
-            if s.afloat[i]:
-                for k in range(FORMATIONS):
-                    out[_HDOP + 1 + k] = unit(s.lane_hdop[1 + FORMATIONS * i + k] - s.lane_hdop[0])
         if c.fence:
             _fence_part(w, i, out, covered, c, s)
         _vehicle_rows(w, i, out, c, s)
@@ -254,7 +260,7 @@ def view_world(w, out, ocean, c, s):
     out[0] = unit(1.0 - w.time_s / c.horizon)
     out[1], out[2] = local_time(now, c)
     present_formation(w, 1, c, s)
-    believed_hdops(w, 1, c, s)
+    believed_hdops(w, 1, c.fix_scale, c, s)
     out[3] = s.lane_hdop[0]
     for i in range(c.num_vehicles):
         at = _STATE_VEHICLES + i * _STATE_VEHICLE_WIDTH

@@ -76,7 +76,7 @@ def test_an_expert_with_a_memory_begins_every_mission_anew(monkeypatch):
     imitation.imitate(
         actor_of(model), recipe, seed=0, report=lambda number, loss, labels: losses.append(loss)
     )
-    assert [name for name, _ in made] == ["ekf-tracking"] * 2
+    assert [name for name, _ in made] == ["memory-tracking"] * 2
     seeds = np.array([expert.resets for _, expert in made])
     assert (
         seeds.shape == (2, 3, 4)

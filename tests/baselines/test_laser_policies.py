@@ -11,7 +11,14 @@ from aquaquad_envs.tasks.rollout import rollout
 from baselines import make_policy
 from baselines.laser_machine import LOST, SEARCH, TRACK
 
-POLICIES = ("search-hold", "gradient-ascent", "ekf-tracking", "rov-tracking", "true-center")
+POLICIES = (
+    "search-hold",
+    "gradient-ascent",
+    "ekf-tracking",
+    "memory-tracking",
+    "rov-tracking",
+    "true-center",
+)
 #: What no sensor measures.
 TRUTH = ("x", "y", "u", "v", "rov_x", "rov_y", "rov_u", "rov_v", "ambient", "range_m", "light", "in_lda")
 SEEDS = 2_000_000 + np.arange(10)
@@ -38,6 +45,7 @@ def traced(batch, policy, seeds, *names):
     "name, scenario, least",
     [
         ("gradient-ascent", "still", 0.6), ("ekf-tracking", "still", 0.95), ("ekf-tracking", "moving", 0.95),
+        ("memory-tracking", "moving", 0.95), ("memory-tracking", "wandering", 0.95),
         ("ekf-tracking", "wandering", 0.95), ("rov-tracking", "moving", 0.97), ("true-center", "wandering", 0.99),
     ],
 )  # fmt: skip
@@ -107,7 +115,7 @@ def test_they_know_only_what_is_measured(name):
     assert same == (name != "true-center")
 
 
-@pytest.mark.parametrize("name", ["ekf-tracking", "rov-tracking"])
+@pytest.mark.parametrize("name", ["ekf-tracking", "memory-tracking", "rov-tracking"])
 def test_actions_do_not_depend_on_the_batch(name):
     params = {"scenario": "mixed", "horizon_s": 20.0}
     many = make_world_batch("laser-tracking", 4, **params)

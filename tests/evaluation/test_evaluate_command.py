@@ -1,6 +1,7 @@
 """`python evaluate.py`: help that teaches, one clear line for an error, exit status."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -8,6 +9,8 @@ from pathlib import Path
 import pytest
 
 import evaluate
+from evaluation.policies import policy_names
+from evaluation.suites import SUITES
 
 ROOT = Path(__file__).parents[2]
 
@@ -102,6 +105,17 @@ def test_help_teaches_every_option(arguments, capsys):
     )  # fmt: skip
     for option in options:
         assert option in text
+
+
+def test_help_names_every_task_policy_and_suite(capsys):
+    with pytest.raises(SystemExit):
+        evaluate.main(["--help"])
+    words = set(re.split(r"[\s│,;:()]+", capsys.readouterr().out))
+    families = {"calm", "vortex", "gyres", "omlp-"}
+    for task, suites in SUITES.items():
+        names = [task, *policy_names(task), *(suite.name for suite in suites)]
+        measured = {f"{water}-{kind}" for water in families for kind in ("bearing", "range", "tdoa")}
+        assert {name for name in names if name not in measured} <= words
 
 
 def test_two_files_and_a_center_with_a_negative_longitude_are_understood(tmp_path, capsys):

@@ -51,7 +51,7 @@ def test_places_are_relative():
     np.testing.assert_allclose(np.stack([w["carried_x"], w["carried_y"]], -1), drifted, atol=0.02)
     guess = np.stack([w["guess_x"], w["guess_y"]], -1)
     np.testing.assert_allclose(vector(o, "moved dx", scale), here, rtol=1e-4, atol=1e-5)
-    np.testing.assert_allclose(vector(o, "guess dx", scale), guess - here, rtol=1e-4)
+    np.testing.assert_allclose(vector(o, "search dx", scale), guess - here, rtol=1e-4)
     np.testing.assert_allclose(vector(o, "goal dx", scale), guess - here, rtol=1e-4)
     away = np.linalg.norm(guess - here, axis=1)
     np.testing.assert_allclose(o[:, AT["goal distance"]], away / (away + scale), rtol=1e-5)
@@ -88,7 +88,9 @@ def test_memory_of_light_and_its_edges():
     assert min(lit) == pytest.approx(-edge, abs=0.11) and max(lit) == pytest.approx(edge, abs=0.11)
     assert max(signal) == pytest.approx(0.5, abs=1e-3)  # the whole light, squashed
     here = np.array([w["x"][0], w["y"][0]])
+    # Seen on both sides, the centre is known along the way to the noise that a reading is granted.
     assert vector(o, "goal dx", scale)[0] + here == pytest.approx(light, abs=0.1)
+    assert vector(o, "search dx", scale)[0] + here == pytest.approx(light, abs=0.1)
     assert vector(o, "last light dx", scale)[0] + here == pytest.approx(light + np.array([edge, 0]), abs=0.11)
     assert vector(o, "edge dx", scale)[0] + here == pytest.approx(light + np.array([edge, 0]), abs=0.11)
     assert vector(o, "rim dx", scale)[0] + here == pytest.approx(light, abs=0.1)
@@ -110,7 +112,7 @@ def test_an_episode_turned_by_a_quarter_is_observed_turned():
     """The same world and commands, all turned by 90°: pairs turn, the rest stays."""
     plain, turned = (make(6, scenario="moving", noise_level=0.0) for _ in "ab")
     for a, b, sign in (("x", "y", 1.0), ("y", "x", -1.0)):
-        for name in ("guess", "rov"):
+        for name in ("guess", "rov", "center", "search"):
             turned.worlds[f"{name}_{b}"] = sign * plain.worlds[f"{name}_{a}"]
     for b, sign in ((1, 1.0), (0, -1.0)):
         turned.worlds["rov"][:, b, X] = sign * plain.worlds["rov"][:, 1 - b, X]

@@ -128,12 +128,14 @@ def test_a_stream_shifts_no_other():
 
 
 def test_reward_terms():
-    batch = make(4, scenario="still", noise_level=0.0, light_weight=2.0, center_weight=3.0, effort_weight=0.5)
+    weights = {"light_weight": 2.0, "area_weight": 4.0, "center_weight": 3.0, "effort_weight": 0.5}
+    batch = make(4, scenario="still", noise_level=0.0, **weights)
     put(batch, [[0, 0], [0.5, 0], [0, 2.0], [0, 0]])
     batch.step(np.array([[0, 0], [0, 0], [0, 0], [0.6, 0.8]], dtype=float))
     w, c = batch.worlds, batch.constants
-    light, center, effort = batch.reward_terms.T
+    light, area, center, effort = batch.reward_terms.T
     np.testing.assert_allclose(light, 2.0 * 0.1 * np.minimum(w["light"] / c.peak, 1.0))
+    np.testing.assert_allclose(area, 4.0 * 0.1 * (w["range_m"] <= c.radius))
     np.testing.assert_allclose(center, 3.0 * 0.1 * c.radius / (c.radius + w["range_m"]))
     np.testing.assert_allclose(effort, [0, 0, 0, -0.5 * 0.1], atol=1e-12)
     np.testing.assert_allclose(batch.rewards, batch.reward_terms.sum(-1))
@@ -141,7 +143,7 @@ def test_reward_terms():
     # Nearer is better, also in the dark.
     assert center[0] > center[1] > center[2] > 0.0
     batch.step(np.array([[0, 0], [0, 0], [0, 0], [0.6, 0.8]], dtype=float))
-    assert batch.reward_terms[3, 2] == 0.0  # the command did not change
+    assert batch.reward_terms[3, 3] == 0.0  # the command did not change
 
 
 def test_metrics_against_a_log():

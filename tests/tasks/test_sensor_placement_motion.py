@@ -248,6 +248,6 @@ def test_room_is_the_way_to_the_edge_or_to_an_obstacle():
             )
             for turn in (0, 90, 225):
                 angle = heading + np.radians(turn)
-                landing = here + reach * np.array([np.cos(angle), np.sin(angle)])
+                landing = here + batch.constants.short_hop * np.array([np.cos(angle), np.sin(angle)])
                 room = np.clip((5000.0 - np.abs(landing).max()) / reach, -1.0, 1.0)
                 assert seen(batch, f"room after hop {turn}°", vehicle, world) == pytest.approx(room, abs=1e-5)

@@ -94,6 +94,15 @@ def test_the_bound_is_the_posterior_bound_of_the_geometry(kind, pairs):
     assert bounds(batch)[:, 0] == pytest.approx(expected.position_rmse_m[:, -1], rel=1e-9)
 
 
+def squashed_hdop(points, target, kind, pairs, c, scale):
+    chosen = None
+    if kind == "tdoa" and pairs == "reference":
+        near = np.linalg.norm(points - target, axis=1).argmin()
+        chosen = [(k, near) for k in range(len(points)) if k != near]
+    value = min(hdop(kind, points, target, stds=c.std, pairs=chosen), c.hdop_cap)
+    return value / (value + scale)
+
+
 @pytest.mark.parametrize("pairs", ["reference", "all"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_observed_hdop_is_that_of_the_team_about_the_estimate(kind, pairs):
@@ -103,12 +112,7 @@ def test_observed_hdop_is_that_of_the_team_about_the_estimate(kind, pairs):
     target = w["estimate"][0, :2]
 
     def squashed(points):
-        chosen = None
-        if kind == "tdoa" and pairs == "reference":
-            near = np.linalg.norm(points - target, axis=1).argmin()
-            chosen = [(k, near) for k in range(len(points)) if k != near]
-        value = min(hdop(kind, points, target, stds=c.std, pairs=chosen), c.hdop_cap)
-        return value / (value + c.fix_scale)
+        return squashed_hdop(points, target, kind, pairs, c, c.fix_scale)
 
     now = squashed(place)
     assert seen(batch, "HDOP") == pytest.approx(now, rel=1e-5)
@@ -117,11 +121,47 @@ def test_observed_hdop_is_that_of_the_team_about_the_estimate(kind, pairs):
         ahead = (target - place[i]) / np.linalg.norm(target - place[i])
         for degrees in (0, 45, 270):
             turn = np.radians(degrees)
-            hop = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]] @ ahead * c.max_hop
+            hop = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]] @ ahead * c.short_hop
             after = place.copy()
             after[i] += hop
             change = seen(batch, f"HDOP after hop {degrees}°", i)
             assert change == pytest.approx(squashed(after) - now, abs=1e-6), degrees
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", [3, 4, 5])
+def test_hops_in_turn_against_plain_loops(kind, seed):
+    """The best placed hops first; the next knows where it went. Near the edge some hops have no room to land."""
+    batch = sea(measurement=kind, num_vehicles=5, seed=seed)
+    batch.worlds["x"][:, :2] = [[4900.0, 4300.0]]
+    drift(batch)
+    w, c = batch.worlds[0], batch.constants
+    place = np.stack([w["x"], w["y"]], -1)[:5]
+    target = w["estimate"][0, :2]
+
+    def after_hops(i, points, scale):
+        """HDOP without a hop of vehicle i and after each, infinite where it cannot land."""
+        ahead = (target - points[i]) / np.linalg.norm(target - points[i])
+        found, places = [squashed_hdop(points, target, kind, "reference", c, scale)], [points]
+        for turn in np.radians(np.arange(0, 360, 45)):
+            moved = points.copy()
+            moved[i] += [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]] @ ahead * c.short_hop
+            places.append(moved)
+            found.append(squashed_hdop(moved, target, kind, "reference", c, scale))
+        landed = [np.abs(points[i]).max() < 5000.0 or k == 0 for k, points in enumerate(places)]
+        return np.array(found), np.where(landed, found, np.inf), places
+
+    alone = [after_hops(i, place, c.fix_scale)[1].min() for i in range(5)]
+    assert len(set(np.round(alone, 9))) == 5, "no ties to be broken by rounding"
+    points = place
+    for turn, i in enumerate(np.argsort(alone)):
+        found, possible, places = after_hops(i, points, 20.0 * c.fix_scale)
+        assert seen(batch, "turn", i) == pytest.approx((1 + turn) / 8)
+        assert seen(batch, "HDOP before turn", i) == pytest.approx(found[0], abs=1e-6)
+        for k, degrees in enumerate(range(0, 360, 45)):
+            change = seen(batch, f"HDOP after hop {degrees}° in turn", i)
+            assert change == pytest.approx(found[1 + k] - found[0], abs=1e-6), (turn, degrees)
+        points = places[int(possible.argmin())]
 
 
 def test_mean_hdop_is_that_of_the_vehicles_on_the_water():
