@@ -37,7 +37,9 @@ class LearnedPolicy:
         except KeyError as error:
             raise CheckpointError(f"{folder}: has no tensor {error}.") from error
         sizes = [self._layers[0][0].shape[0], self._layers[-1][0].shape[1]] if layers else []
-        if sizes != [batch.observations.shape[-1], batch.action_spec.size]:
+        # What a network says of an axis that the world has not (laser tracking in a plane) is left out.
+        self._size = batch.action_spec.size
+        if not sizes or sizes[0] != batch.observations.shape[-1] or sizes[1] < self._size:
             raise CheckpointError(f"{folder}: the network maps {sizes}, the task needs other sizes.")
         self._activation = {"tanh": np.tanh, "relu": lambda x: np.maximum(x, 0.0)}[self.card["activation"]]
         self._squash = self.card["squash"]
@@ -50,7 +52,7 @@ class LearnedPolicy:
         """Actions (..., size) float32 in [-1, 1] for ``observations`` (..., n): a row a world, or a world and agent."""
         rows = observations.reshape(-1, observations.shape[-1])
         own = forward(self._layers, self._activation, self._squash, self._frame.observe(rows))
-        return self._frame.act(own, rows).reshape(*observations.shape[:-1], -1)
+        return self._frame.act(own, rows)[:, : self._size].reshape(*observations.shape[:-1], -1)
 
 
 def forward(

@@ -131,10 +131,10 @@ def _contradiction(world, radius, x, y):
 def _first_light(world, x, y, c):
     """Light found, or found anew: the centre lies around, on the side that contradicts dark places least."""
     reach = radius_of_intensity(c.beam, c.detection, height_of(world))
-    wrong = np.empty(SECTORS)
+    most = np.inf
     for k in range(SECTORS):
-        wrong[k] = _contradiction(world, c.radius, x + reach * _COS[k], y + reach * _SIN[k])
-    most = wrong.min() + _SLACK * c.radius * c.radius
+        most = min(most, _contradiction(world, c.radius, x + reach * _COS[k], y + reach * _SIN[k]))
+    most += _SLACK * c.radius * c.radius
     # A disc is met head on more often than at its flank.
     u = world.own_u - world.seen_u
     v = world.own_v - world.seen_v
@@ -142,7 +142,7 @@ def _first_light(world, x, y, c):
     mean_x = 0.0
     mean_y = 0.0
     for k in range(SECTORS):
-        if wrong[k] <= most:
+        if _contradiction(world, c.radius, x + reach * _COS[k], y + reach * _SIN[k]) <= most:
             weight = _LEAST_WEIGHT + max((u * _COS[k] + v * _SIN[k]) / speed, 0.0)
             mean_x += weight * _COS[k]
             mean_y += weight * _SIN[k]

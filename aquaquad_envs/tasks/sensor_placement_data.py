@@ -105,7 +105,7 @@ SCRATCH = np.dtype(
         *((f"lane_{name}", np.float64, (MAX_VEHICLES, _LANES)) for name in ("x", "y", "weight")),
         *((f"lane_{name}", np.float64, (_LANES,)) for name in ("a", "b", "d", "rx", "ry", "least", "one", "hdop")),
         ("room", np.float64, (MAX_VEHICLES, FORMATIONS)), ("turn_hdop", np.float64, (MAX_VEHICLES, FORMATIONS)),
-        ("turn", np.int64, _VEHICLES),
+        ("turn", np.int64, _VEHICLES), ("turn_hop", np.int64, _VEHICLES),
         ("error2", np.float64), ("bound2", np.float64),
         ("hdop", np.float64), ("squashed_hdop", np.float64), ("coverage", np.float64),
         ("flown_wh", np.float64), ("died", np.int64),

@@ -13,6 +13,12 @@ from aquaquad_envs.estimation.hdop import hdop_of_information
 from aquaquad_envs.sensing.measurements import TDOA, measurement_gradient, measurement_std
 from aquaquad_envs.tasks.sensor_placement_data import FORMATIONS, HEADINGS_DEG, ROUGH_FIX
 
+#: So often each vehicle takes its turn.
+ROUNDS = 2
+#: Share of the longest step that hops in turn keep from edges and obstacles, and from which a vehicle must leave.
+KEEP_CLEAR = 0.15
+#: What room, as a share of the longest step, is worth in HDOP to a vehicle that must leave, and how much is enough.
+ROOM_WORTH, ROOM_ENOUGH = 0.3, 0.5
 #: Of the headings of hops that are looked at.
 COS = np.cos(np.radians(HEADINGS_DEG))
 SIN = np.sin(np.radians(HEADINGS_DEG))
@@ -164,11 +170,23 @@ def sort_keys(count, s):
 
 
 @kernel
-def _best_hop(i, hdops, s):
-    """Index of the least of ``hdops`` (FORMATIONS,), 0: no hop, among the hops that have room to land."""
+def _best_hop(i, hdops, c, s):
+    """Index of the least of ``hdops`` (FORMATIONS,), 0: no hop, among the hops that have room to land.
+
+    A vehicle that has none where it is goes where there is more, for the least HDOP and the most room.
+    """
+    keep = KEEP_CLEAR * c.longest_step
     best = 0
+    if s.room[i, 0] >= keep:
+        for k in range(1, FORMATIONS):
+            if s.room[i, k] > keep and hdops[k] < hdops[best]:
+                best = k
+        return best
+    least = np.inf
     for k in range(1, FORMATIONS):
-        if s.room[i, k] > 0.0 and hdops[k] < hdops[best]:
+        cost = hdops[k] - ROOM_WORTH * min(s.room[i, k] / c.longest_step, ROOM_ENOUGH)
+        if s.room[i, k] > s.room[i, 0] and cost < least:
+            least = cost
             best = k
     return best
 
@@ -178,7 +196,8 @@ def hdops_in_turn(w, c, s):
     """HDOP, squashed at a rough fix, as the vehicles afloat hop one after another, each where it gains most.
 
     The one whose best hop alone leaves the least HDOP comes first; all know what those before them do. ``s.turn[i]``
-    is the vehicle's turn, 0 first; ``s.turn_hdop[i]`` the HDOP before its turn, and after its hop on each heading.
+    is the vehicle's turn, 0 first; ``s.turn_hdop[i]`` the HDOP before its turn, and after its hop on each heading;
+    ``s.turn_hop[i]`` the hop that those after it count on, 0: none.
     Needs the lanes of :func:`hdops_of_changes` and ``s.room``.
     """
     for i in range(c.num_vehicles):
@@ -186,15 +205,18 @@ def hdops_in_turn(w, c, s):
         # The lane without the vehicle stands for no hop here.
         s.lane_hdop[first] = s.lane_hdop[0]
         hdops = s.lane_hdop[first : first + FORMATIONS]
-        s.key[i] = hdops[_best_hop(i, hdops, s)] if s.afloat[i] else np.inf
+        s.key[i] = hdops[_best_hop(i, hdops, c, s)] if s.afloat[i] else np.inf
         s.turn_hdop[i, :] = 0.0
     sort_keys(c.num_vehicles, s)
     present_formation(w, FORMATIONS, c, s)
     for turn in range(c.num_vehicles):
-        i = s.order[turn]
-        s.turn[i] = turn
+        s.turn[s.order[turn]] = turn
+    for turn in range(ROUNDS * c.num_vehicles):
+        i = s.order[turn % c.num_vehicles]
         if not s.afloat[i]:
             continue
+        s.lane_x[i, 0] = w.x[i]
+        s.lane_y[i, 0] = w.y[i]
         ux, uy = direction_of_nearest(w, i, c)
         for k in range(COS.size):
             x, y = end_of_hop(w, i, k, ux, uy, c)
@@ -203,7 +225,8 @@ def hdops_in_turn(w, c, s):
         believed_hdops(w, FORMATIONS, ROUGH_FIX * c.fix_scale, c, s)
         for k in range(FORMATIONS):
             s.turn_hdop[i, k] = s.lane_hdop[k]
-        best = _best_hop(i, s.turn_hdop[i], s)
+        best = _best_hop(i, s.turn_hdop[i], c, s)
+        s.turn_hop[i] = best
         x = s.lane_x[i, best]
         y = s.lane_y[i, best]
         for k in range(FORMATIONS):

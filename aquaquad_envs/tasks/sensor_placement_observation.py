@@ -36,6 +36,8 @@ from aquaquad_envs.tasks.sensor_placement_hdop import (
 )
 from aquaquad_envs.tasks.sensor_placement_sensing import find_afloat, without
 
+#: Gain of a hop, in HDOP as observed, that is squashed to a half.
+GAIN_SCALE = 0.01
 #: Decisions without a measurement after which a track's age is full.
 OLD_DECISIONS = 6.0
 
@@ -44,7 +46,7 @@ _OWN = (
     "current u", "current v", "obstacle distance", "obstacle direction x", "obstacle direction y",
     "room", *(f"room after hop {heading}°" for heading in HEADINGS_DEG),
     "HDOP", "HDOP share", *(f"HDOP after hop {heading}°" for heading in HEADINGS_DEG),
-    "turn", "HDOP before turn", *(f"HDOP after hop {heading}° in turn" for heading in HEADINGS_DEG),
+    "turn", "turn hop dx", "turn hop dy", "turn hop gain", "HDOP before turn", *(f"HDOP after hop {heading}° in turn" for heading in HEADINGS_DEG),
     "coverage", "fence dx", "fence dy", "gap dx", "gap dy",
 )  # fmt: skip
 _VEHICLE = ("mask", "dx", "dy", "alive", "on the water")
@@ -58,8 +60,9 @@ OBSERVATION_NAMES = (
     *(f"target {k} {name}" for k in range(1, MAX_TARGETS + 1) for name in _TARGET),
 )
 SIZE = len(OBSERVATION_NAMES)
-_CURRENT, _OBSTACLE, _ROOM, _HDOP, _TURN, _FENCE = (
-    _OWN.index(name) for name in ("current u", "obstacle distance", "room", "HDOP", "turn", "coverage")
+_CURRENT, _OBSTACLE, _ROOM, _HDOP, _TURN, _TURN_HDOP, _FENCE = (
+    _OWN.index(name)
+    for name in ("current u", "obstacle distance", "room", "HDOP", "turn", "HDOP before turn", "coverage")
 )
 _VEHICLES, _TARGETS = len(_OWN), len(_OWN) + (MAX_VEHICLES - 1) * len(_VEHICLE)
 _VEHICLE_WIDTH, _TARGET_WIDTH = len(_VEHICLE), len(_TARGET)
@@ -203,6 +206,23 @@ def _find_rooms(w, ocean, c, s):
             s.room[i, 1 + k] = _room(x, y, w, ocean, c)
 
 
+@kernel
+def _turn_part(w, i, out, c, s):
+    """Turn of vehicle ``i``, the hop that those after it count on, and what the others would do."""
+    out[_TURN] = (1 + s.turn[i]) / MAX_VEHICLES
+    before = s.turn_hdop[i, 0]
+    hop = s.turn_hop[i]
+    if hop > 0:
+        ux, uy = direction_of_nearest(w, i, c)
+        x, y = end_of_hop(w, i, hop - 1, ux, uy, c)
+        out[_TURN + 1] = unit((x - w.x[i]) / c.longest_step)
+        out[_TURN + 2] = unit((y - w.y[i]) / c.longest_step)
+        out[_TURN + 3] = _signed(before - s.turn_hdop[i, hop], GAIN_SCALE)
+    out[_TURN_HDOP] = before
+    for k in range(1, FORMATIONS):
+        out[_TURN_HDOP + k] = unit(s.turn_hdop[i, k] - before)
+
+
 @loop_kernel
 def _hdop_parts(w, members, observations, c, s):
     """HDOP of the team, after changes of each vehicle alone, and as the vehicles hop in turn."""
@@ -217,11 +237,7 @@ def _hdop_parts(w, members, observations, c, s):
     hdops_in_turn(w, c, s)
     for i in range(c.num_vehicles):
         if members[i] and s.afloat[i]:
-            observations[i, _TURN] = (1 + s.turn[i]) / MAX_VEHICLES
-            before = s.turn_hdop[i, 0]
-            observations[i, _TURN + 1] = before
-            for k in range(1, FORMATIONS):
-                observations[i, _TURN + 1 + k] = unit(s.turn_hdop[i, k] - before)
+            _turn_part(w, i, observations[i], c, s)
 
 
 @loop_kernel

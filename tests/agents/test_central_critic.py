@@ -19,7 +19,7 @@ def tiny(algorithm="mappo", **overrides):
     recipe = make_recipe("sensor-placement", "calm", algorithm)
     settings = {**recipe.algorithm_settings, "n_steps": 8, "batch_size": 64, "n_epochs": 1}
     values = {
-        "num_worlds": 4, "hidden": (16, 16), "imitation_rounds": 0, "value_warmup_frames": 0,
+        "num_worlds": 4, "variants": ({},), "hidden": (16, 16), "imitation_rounds": 0, "value_warmup_frames": 0,
         "checkpoint_every": 10_000, "evaluate_every": 10_000, "evaluation_episodes": 3,
         "algorithm_settings": settings,
         "params": {**recipe.params, "horizon_s": 3600.0}, "validation": {**recipe.validation, "horizon_s": 3600.0},

@@ -8,7 +8,7 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
 
-from agents import imitation  # noqa: E402
+from agents import checkpoints, imitation  # noqa: E402
 from agents.learned import LearnedPolicy  # noqa: E402
 from agents.recipes import FIRST_TRAINING_SEED, make_recipe  # noqa: E402
 from agents.state import actor_of  # noqa: E402
@@ -38,8 +38,18 @@ def test_it_trains_and_the_policy_flies(tmp_path):
     batch.reset(0)
     actions = LearnedPolicy(batch, checkpoint=tmp_path / "policy").act(batch.observations, batch.worlds)
     assert actions.shape == (5, 2) and np.abs(actions).max() <= 1.0
+    # In a plane it acts by the axis that there is.
+    plane = make_world_batch("laser-tracking", 5, axes=1)
+    plane.reset(0)
+    policy = LearnedPolicy(plane, checkpoint=tmp_path / "policy")
+    assert policy.act(plane.observations, plane.worlds).shape == (5, 1)
+    narrow = dict(checkpoints.load(tmp_path / "policy", task="laser-tracking", kind="policy")[0])
+    last = f"{len(narrow) // 2 - 1}"
+    narrow |= {name: narrow[name][:1] for name in (f"{last}.weight", f"{last}.bias")}
+    card = checkpoints.load(tmp_path / "policy", task="laser-tracking", kind="policy")[1]
+    checkpoints.save(tmp_path / "narrow", narrow, card)
     with pytest.raises(CheckpointError, match="other sizes"):
-        LearnedPolicy(make_world_batch("laser-tracking", 5, axes=1), checkpoint=tmp_path / "policy")
+        LearnedPolicy(batch, checkpoint=tmp_path / "narrow")
 
 
 class Counter:

@@ -6,7 +6,7 @@ import pytest
 from aquaquad_envs.errors import InvalidParameterError
 from aquaquad_envs.tasks.batch import make_world_batch
 from aquaquad_envs.tasks.rollout import rollout
-from aquaquad_envs.tasks.sensor_placement_observation import OBSERVATION_NAMES
+from aquaquad_envs.tasks.sensor_placement_observation import GAIN_SCALE, OBSERVATION_NAMES
 from baselines import make_policy
 
 AT = {name: i for i, name in enumerate(OBSERVATION_NAMES)}
@@ -16,35 +16,23 @@ def make(worlds=1, **params):
     return make_world_batch("sensor-placement", worlds, **params)
 
 
-def asked(gains, *, room=1.0, rooms=1.0, ahead=(0.0, 1.0), **options):
-    """The action on an observation with these gains of hops, 0° first."""
+def asked(hop, gain, *, room=1.0, **options):
+    """The action where the team counts on this hop, which takes ``gain`` from the HDOP as observed."""
     batch = make()
     observation = np.zeros((1, 4, len(OBSERVATION_NAMES)), dtype=np.float32)
-    first = AT["HDOP after hop 0° in turn"]
-    observation[0, 0, first : first + 8] = -np.asarray(gains)
+    observation[0, 0, AT["turn hop dx"] :][:3] = *hop, gain / (abs(gain) + GAIN_SCALE)
     observation[0, 0, AT["room"]] = room
-    observation[0, 0, AT["room after hop 0°"] :][:8] = rooms
-    observation[0, 0, AT["target 1 direction x"] :][:2] = ahead
     return make_policy("hop-in-turn", batch, **options).act(observation, batch.worlds)[0, 0]
 
 
-def test_the_best_hop_is_made_if_it_gains_enough():
-    gains = np.zeros(8)
-    gains[[0, 2]] = 0.1, 0.3
-    # 90° anticlockwise of north is west.
-    assert asked(gains) == pytest.approx([-0.48, 0.0], abs=1e-6)
-    assert (asked(gains, least_gain=0.4) == 0).all() and (asked(np.zeros(8)) == 0).all()
+def test_the_hop_that_others_count_on_is_made_if_it_gains_enough():
+    assert asked((0.3, -0.4), 0.003) == pytest.approx([0.3, -0.4])
+    assert (asked((0.3, -0.4), 0.001) == 0).all() and (asked((0.3, -0.4), 0.003, least_gain=0.01) == 0).all()
 
 
-def test_hops_without_room_are_not_made_and_a_vehicle_without_room_leaves():
-    gains, rooms = np.zeros(8), np.ones(8)
-    gains[[0, 2]], rooms[2] = (0.1, 0.3), 0.1
-    assert asked(gains, rooms=rooms) == pytest.approx([0.0, 0.48], abs=1e-6)
-    worse, rooms = -np.linspace(0.1, 0.2, 8), np.full(8, 0.02)
-    rooms[4] = 0.4
-    # Nothing is gained, but only a hop astern finds more room than here.
-    assert asked(worse, room=0.05, rooms=rooms) == pytest.approx([0.0, -0.48], abs=1e-6)
-    assert (asked(worse, room=0.2, rooms=rooms) == 0).all()
+def test_a_vehicle_without_room_leaves_at_any_price():
+    assert asked((0.3, -0.4), -0.2, room=0.1) == pytest.approx([0.3, -0.4])
+    assert (asked((0.3, -0.4), -0.2, room=0.2) == 0).all()
 
 
 @pytest.mark.parametrize("measurement", ["tdoa", "range", "bearing"])
@@ -71,5 +59,3 @@ def test_refusals():
     batch = make()
     with pytest.raises(InvalidParameterError, match="least_gain: got -1"):
         make_policy("hop-in-turn", batch, least_gain=-1.0)
-    with pytest.raises(InvalidParameterError, match="room: got 2"):
-        make_policy("hop-in-turn", batch, room=2.0)

@@ -139,29 +139,46 @@ def test_hops_in_turn_against_plain_loops(kind, seed):
     place = np.stack([w["x"], w["y"]], -1)[:5]
     target = w["estimate"][0, :2]
 
+    reach = c.longest_step
+
+    def room(points, i):
+        return (5000.0 - np.abs(points[i]).max()) / reach
+
     def after_hops(i, points, scale):
-        """HDOP without a hop of vehicle i and after each, infinite where it cannot land."""
+        """HDOP without a hop of vehicle i and after each, the hop it makes, and the places after each."""
         ahead = (target - points[i]) / np.linalg.norm(target - points[i])
-        found, places = [squashed_hdop(points, target, kind, "reference", c, scale)], [points]
+        places = [points]
         for turn in np.radians(np.arange(0, 360, 45)):
             moved = points.copy()
             moved[i] += [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]] @ ahead * c.short_hop
             places.append(moved)
-            found.append(squashed_hdop(moved, target, kind, "reference", c, scale))
-        landed = [np.abs(points[i]).max() < 5000.0 or k == 0 for k, points in enumerate(places)]
-        return np.array(found), np.where(landed, found, np.inf), places
+        found = np.array([squashed_hdop(p, target, kind, "reference", c, scale) for p in places])
+        rooms = np.array([room(p, i) for p in places])
+        if rooms[0] >= 0.15:
+            worth = np.where((rooms > 0.15) | (np.arange(9) == 0), -found, -np.inf)
+        else:
+            worth = np.where(rooms > rooms[0], 0.3 * np.minimum(rooms, 0.5) - found, -np.inf)
+        return found, int(worth.argmax()), places
 
-    alone = [after_hops(i, place, c.fix_scale)[1].min() for i in range(5)]
+    alone = []
+    for i in range(5):
+        found, best, _ = after_hops(i, place, c.fix_scale)
+        alone.append(found[best])
     assert len(set(np.round(alone, 9))) == 5, "no ties to be broken by rounding"
+    assert room(place, 0) < 0.15 < room(place, 1)
     points = place
     for turn, i in enumerate(np.argsort(alone)):
-        found, possible, places = after_hops(i, points, 20.0 * c.fix_scale)
+        found, best, places = after_hops(i, points, 20.0 * c.fix_scale)
         assert seen(batch, "turn", i) == pytest.approx((1 + turn) / 8)
         assert seen(batch, "HDOP before turn", i) == pytest.approx(found[0], abs=1e-6)
         for k, degrees in enumerate(range(0, 360, 45)):
             change = seen(batch, f"HDOP after hop {degrees}° in turn", i)
             assert change == pytest.approx(found[1 + k] - found[0], abs=1e-6), (turn, degrees)
-        points = places[int(possible.argmin())]
+        hop = (places[best][i] - points[i]) / reach
+        assert [seen(batch, f"turn hop d{axis}", i) for axis in "xy"] == pytest.approx(list(hop), abs=1e-6)
+        gain = found[0] - found[best]
+        assert seen(batch, "turn hop gain", i) == pytest.approx(gain / (abs(gain) + 0.01), abs=1e-5)
+        points = places[best]
 
 
 def test_mean_hdop_is_that_of_the_vehicles_on_the_water():
