@@ -25,7 +25,9 @@ class HopInTurn:
     ``InvalidParameterError``.
     """
 
-    information = "its observation: where the team gains most by its hop, once those before it in turn have hopped"
+    information = (
+        "its observation: where the team gains most by its hop, once those before it in turn have hopped"
+    )
 
     def __init__(self, batch: Any, *, least_gain: float = 0.002) -> None:
         require_continuous_actions(batch)

@@ -13,8 +13,6 @@ from aquaquad_envs.estimation.hdop import hdop_of_information
 from aquaquad_envs.sensing.measurements import TDOA, measurement_gradient, measurement_std
 from aquaquad_envs.tasks.sensor_placement_data import FORMATIONS, HEADINGS_DEG, ROUGH_FIX
 
-#: So often each vehicle takes its turn.
-ROUNDS = 2
 #: Share of the longest step that hops in turn keep from edges and obstacles, and from which a vehicle must leave.
 KEEP_CLEAR = 0.15
 #: What room, as a share of the longest step, is worth in HDOP to a vehicle that must leave, and how much is enough.
@@ -210,13 +208,10 @@ def hdops_in_turn(w, c, s):
     sort_keys(c.num_vehicles, s)
     present_formation(w, FORMATIONS, c, s)
     for turn in range(c.num_vehicles):
-        s.turn[s.order[turn]] = turn
-    for turn in range(ROUNDS * c.num_vehicles):
-        i = s.order[turn % c.num_vehicles]
+        i = s.order[turn]
+        s.turn[i] = turn
         if not s.afloat[i]:
             continue
-        s.lane_x[i, 0] = w.x[i]
-        s.lane_y[i, 0] = w.y[i]
         ux, uy = direction_of_nearest(w, i, c)
         for k in range(COS.size):
             x, y = end_of_hop(w, i, k, ux, uy, c)

@@ -46,7 +46,8 @@ _OWN = (
     "current u", "current v", "obstacle distance", "obstacle direction x", "obstacle direction y",
     "room", *(f"room after hop {heading}°" for heading in HEADINGS_DEG),
     "HDOP", "HDOP share", *(f"HDOP after hop {heading}°" for heading in HEADINGS_DEG),
-    "turn", "turn hop dx", "turn hop dy", "turn hop gain", "HDOP before turn", *(f"HDOP after hop {heading}° in turn" for heading in HEADINGS_DEG),
+    "turn", "turn hop dx", "turn hop dy", "turn hop gain",
+    "HDOP before turn", *(f"HDOP after hop {heading}° in turn" for heading in HEADINGS_DEG),
     "coverage", "fence dx", "fence dy", "gap dx", "gap dy",
 )  # fmt: skip
 _VEHICLE = ("mask", "dx", "dy", "alive", "on the water")
