@@ -88,7 +88,7 @@ DAYLIGHT: dict[str, Any] = {"ambient_w_m2": 0.005, "ambient_variation": 0.3, "no
 
 
 def _light(name: str, about: str, **params: Any) -> Suite:
-    return Suite(task="laser-tracking", name=name, about=about, params=params, episodes=100)
+    return Suite(task="laser-tracking", name=name, about=about, params=params, episodes=40)
 
 
 def _placement(name: str, about: str, episodes: int, **params: Any) -> Suite:
