@@ -38,9 +38,11 @@ def imitate(
     optimiser = torch.optim.Adam(actor.parameters(), lr=1e-3)
     seen: list[np.ndarray] = []
     labels: list[np.ndarray] = []
-    params = {**recipe.params, **recipe.imitation_params}
     frame = Frame(recipe.frame, load_task(recipe.task).observation_names)
     for number in range(recipe.imitation_rounds):
+        # Kinds of worlds take turns.
+        kind = recipe.variants[number % len(recipe.variants)]
+        params = {**recipe.params, **kind, **recipe.imitation_params}
         batch = make_world_batch(recipe.task, recipe.imitation_worlds, **params)
         first = FIRST_TRAINING_SEED + (seed * 1000 + number) * recipe.imitation_worlds
         batch.reset(first)

@@ -153,17 +153,18 @@ def sensor_placement_recipe(scenario: str, algorithm: str) -> Recipe:
         task="sensor-placement",
         scenario=scenario,
         algorithm=algorithm,
-        num_worlds=128,
+        num_worlds=192,
         params={**params, **fields},
-        # Half the missions end after six decisions: the first ones of a badly placed team are practised most.
-        variants=({}, {"horizon_s": 1800.0}),
+        # Some missions end after six decisions: the first ones of a badly placed team are practised most. Others are in
+        # random fields among random obstacles.
+        variants=({}, {"horizon_s": 1800.0}, {"scenario": "gyres", "field_seed": 1, "num_fields": 512}),
         validation={**params, **checks},
         # What a hop does to the geometry shows within hours.
         algorithm_settings={**_PPO, "gamma": 0.98, "learning_rate": 5e-5},
         frame="goal",
         initial_log_std=-4.0,
         hidden=(256, 256),
-        imitation_rounds=10,
+        imitation_rounds=12,
         expert="hop-in-turn",
         imitation_worlds=128,
         # The first decisions decide the RMSE of a mission that starts badly placed, and are few among all.
