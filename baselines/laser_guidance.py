@@ -22,7 +22,7 @@ from aquaquad_envs.estimation.laser_bank import (
     bank_pin,
 )
 from aquaquad_envs.estimation.laser_ekf import STATES
-from aquaquad_envs.sensing.laser import profile_intensity
+from aquaquad_envs.sensing.laser import profile_intensity, radius_of_intensity
 
 #: Deviation of the distance to the centre that the first light tells, in detectable radii.
 _FIRST_STD = 0.1
@@ -40,7 +40,7 @@ def shortened(vx, vy, greatest):
 def begin_filter(m, w, model, s):
     """First hypotheses where light was met: the centre as far off as the reading says, most likely ahead."""
     value = min(max(w.reading - model.ambient, 0.1 * model.peak), 0.9 * model.peak)
-    r = model.sigma * (-2.0 * np.log(value / model.peak)) ** (0.5 / model.half_order)
+    r = radius_of_intensity(s.beam, value, w.altitude + w.depth)
     # Course over the disc, which moves itself.
     course_x = w.own_u - m.drift[0] - m.state[2]
     course_y = w.own_v - m.drift[1] - m.state[3]
