@@ -1,6 +1,6 @@
 """``hop-in-turn``: every vehicle makes the hop that those after it in turn count on, if it gains enough.
 
-It reads observations alone (:func:`aquaquad_envs.tasks.sensor_placement_hdop.hdops_in_turn`). Hops are short: over
+It reads observations alone (:func:`aquaquad_envs.tasks.sensor_placement_turns.hop_in_turn`). Hops are short: over
 before the tracker's next step, so that however many vehicles hop, none is missed.
 """
 
@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from aquaquad_envs.errors import check_range
-from aquaquad_envs.tasks.sensor_placement_hdop import KEEP_CLEAR
 from aquaquad_envs.tasks.sensor_placement_observation import GAIN_SCALE, OBSERVATION_NAMES
+from aquaquad_envs.tasks.sensor_placement_turns import KEEP_CLEAR
 from baselines.problem import require_continuous_actions
 
 _HOP, _GAIN, _ROOM = (OBSERVATION_NAMES.index(name) for name in ("turn hop dx", "turn hop gain", "room"))

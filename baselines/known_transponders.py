@@ -143,19 +143,31 @@ def _draws(steps: int, shakes: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @kernel
-def _known_scene(w, x, y, heading, time, targets, information, c):
+def _known_scene(w, x, y, heading, time, targets, information, share, c):
     return Scene(
-        x, y, heading, time, w.truth, w.obstacle, affordable(w, c), w.num_transponders, targets, information
+        x,
+        y,
+        heading,
+        time,
+        w.truth,
+        w.obstacle,
+        affordable(w, c),
+        w.num_transponders,
+        w.num_transponders,
+        targets,
+        information,
+        share,
+        0.0,
     )
 
 
 @loop_kernel
-def _recede(w, steps, ahead, grids, tree, targets, information, plan, ocean, c, worth):
+def _recede(w, steps, ahead, grids, tree, targets, information, share, plan, ocean, c, worth):
     """The receding-horizon plan of ``ahead`` steps with known transponders into ``plan``; changes ``information``."""
     x, y, heading = w.x, w.y, w.heading
     for j in range(steps):
         time = w.clock_s + w.time_s + j * c.period
-        scene = _known_scene(w, x, y, heading, time, targets, information, c)
+        scene = _known_scene(w, x, y, heading, time, targets, information, share, c)
         best_plan(scene, min(ahead, steps - j), grids, tree, ocean, c, worth)
         plan[j, 0], plan[j, 1] = tree.best[0, 0], tree.best[0, 1]
         x, y, heading = advance(x, y, heading, time, w.truth, plan[j, 0], plan[j, 1], ocean, c)
@@ -186,6 +198,7 @@ def full_plan(worlds, short, long, starts, noise, plan, ends, ocean, c, worth):
     w = worlds[0]
     steps = plan.shape[0]
     targets = np.zeros((MAX_TRANSPONDERS, 3))
+    share = np.ones(MAX_TRANSPONDERS)
     information = np.zeros((MAX_TRANSPONDERS, 6))
     tree = make_tree(steps, long.points.shape[1], MAX_TRANSPONDERS)
     near = make_tree(short.points.shape[0], short.points.shape[1], MAX_TRANSPONDERS)
@@ -196,9 +209,9 @@ def full_plan(worlds, short, long, starts, noise, plan, ends, ocean, c, worth):
     values = np.full(count, -np.inf)
     for k in range(receding):
         _first_information(w, targets, information, c, worth)
-        _recede(w, steps, k + 1, short, near, targets, information, plans[k], ocean, c, worth)
+        _recede(w, steps, k + 1, short, near, targets, information, share, plans[k], ocean, c, worth)
     _first_information(w, targets, information, c, worth)
-    scene = _known_scene(w, w.x, w.y, w.heading, w.clock_s + w.time_s, targets, information, c)
+    scene = _known_scene(w, w.x, w.y, w.heading, w.clock_s + w.time_s, targets, information, share, c)
     search_leaves(scene, long, steps, tree, ocean, c, worth)
     pick = 0
     for g in range(long.sizes[steps - 1]):

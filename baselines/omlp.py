@@ -1,8 +1,9 @@
 """``omlp-greedy``, ``omlp-1`` ... ``omlp-3``, ``omlp-K``: measure next where K ranges tell most, and look again.
 
 Optimal measurement location planning (SPEC §8; Garcia, UC Riverside 2018, ch. 4): at every decision the k steps with
-the greatest Σ ln det of the information about all transponders, linearised about their estimates; the first of them
-is made. Value: :mod:`baselines.omlp_value`; search, ties, and what is exact: :mod:`baselines.omlp_search`.
+the greatest Σ ln det of the information about all transponders, linearised about their estimates and the images that
+ranges leave of these (:mod:`baselines.omlp_images`); the first of them is made. Value: :mod:`baselines.omlp_value`;
+search, ties, and what is exact: :mod:`baselines.omlp_search`.
 """
 
 from __future__ import annotations
@@ -45,14 +46,17 @@ def worth_of(batch: Any, *, priced: bool = True) -> Worth:
 class Omlp:
     """The first of the ``steps`` steps after which Σ ln det of the information is greatest, hops priced as rewarded.
 
-    Raises ``InvalidParameterError`` for worlds with discrete actions or of another task, or steps outside 1 to 64.
+    ``images``: whether it reckons with images of the estimates, and turns right where these leave it open, or plans as
+    published about the estimates alone. Raises ``InvalidParameterError`` for worlds with discrete actions or of another
+    task, or steps outside 1 to 64.
     """
 
     information = (
-        "its own place and heading, the estimates and their information, the forecast, all obstacles"
+        "its own places and heading, all ranges, the first estimates and the latest with their information, the "
+        "forecast, all obstacles"
     )
 
-    def __init__(self, batch: Any, *, steps: int = 3) -> None:
+    def __init__(self, batch: Any, *, steps: int = 3, images: bool = True) -> None:
         if batch.task.name != "transponder-localization":
             raise InvalidParameterError("task", batch.task.name, "transponder-localization")
         require_continuous_actions(batch)
@@ -61,6 +65,7 @@ class Omlp:
         )
         self.batch = batch
         self.steps = int(steps)
+        self.images = bool(images)
         self.worth = worth_of(batch)
         self.grids = make_grids(self.steps, turning=batch.constants.vehicle == YAW_RATE)
         #: Of the latest decision: actions (num_worlds, steps, 2), and Σ ln det less prices (num_worlds,).
@@ -74,8 +79,9 @@ class Omlp:
         """Actions, float32 (num_worlds, size): the first step of each plan."""
         batch = self.batch
         plan_all(
-            worlds, self.steps, self.grids, self.plans, self.values, batch.ocean, batch.constants, self.worth
-        )
+            worlds, self.steps, self.images, self.grids, self.plans, self.values, batch.ocean, batch.constants,
+            self.worth,
+        )  # fmt: skip
         return self.plans[:, 0, : batch.action_spec.size].astype(np.float32)
 
 

@@ -11,6 +11,8 @@ more. The tree visits *every* sequence of grid steps: each edge costs one rank-o
 coarser, and at last the horizon is cut into blocks of equal steps (:func:`make_grids`): the tree is still exact over
 that grid, and the climb frees every step.
 
+Where images of a transponder leave its side open, the vehicle that turns keeps to the right (:func:`turn_right`).
+
 Ties: a later candidate replaces an earlier one only if it is worth more than ``TIE`` more. Grid steps come by size
 |u|, then turns to the left (positive yaw rate) first, free steps anticlockwise from east; sequences in that order of
 their first step, then the second, and so on.
@@ -26,11 +28,16 @@ from aquaquad_envs.compilation import kernel, loop_kernel
 from aquaquad_envs.estimation.range_information import gain_factor, take_range
 from aquaquad_envs.estimation.symmetric3 import PACKED, invert3
 from aquaquad_envs.physics.vehicle import flight_energy_wh
-from aquaquad_envs.tasks.transponder_localization_data import AQUAQUAD, MAX_TRANSPONDERS, RUNNING
+from aquaquad_envs.tasks.transponder_localization_data import AQUAQUAD, RUNNING, YAW_RATE
+from baselines.omlp_images import MAX_PLACES, possible_places
 from baselines.omlp_value import Scene, Trail, advance, climb, fence, make_trail, step_price
 
 #: Values, in ln det, that differ by less are equal.
 TIE = 1e-7
+#: Images weigh more than this where a side is not known.
+UNSURE = 0.05
+#: What a turn to the other side must be worth then, in ln det a transponder.
+ABOUT_AS_MUCH = 0.3
 #: Parts of a horizon that have steps of their own in the tree.
 MOST_BLOCKS = 7
 #: Yaw rates of the grid by the number of blocks in a tree: at most 3125 sequences. Odd, so that 0 is among them. Ten
@@ -119,15 +126,21 @@ def make_tree(steps, width, most_targets):
 def _step_gain(scene, covariance, after, x, y, update, worth):
     """Ln det gained by ranging from (x, y); writes the covariances after it where ``update``."""
     gain = 1.0
+    shared = 0.0
     for m in range(scene.number):
         dx = scene.targets[m, 0] - x
         dy = scene.targets[m, 1] - y
         dz = scene.targets[m, 2]
         if update:
-            gain *= take_range(covariance[m], dx, dy, dz, worth.weight, after[m])
+            factor = take_range(covariance[m], dx, dy, dz, worth.weight, after[m])
         else:
-            gain *= gain_factor(covariance[m], dx, dy, dz, worth.weight)
-    return np.log(gain)
+            factor = gain_factor(covariance[m], dx, dy, dz, worth.weight)
+        # One logarithm for all whose place is certain.
+        if scene.share[m] == 1.0:
+            gain *= factor
+        else:
+            shared += scene.share[m] * np.log(factor)
+    return np.log(gain) + shared
 
 
 @kernel
@@ -247,6 +260,36 @@ def write_leaf(grids, d, first, tree):
 
 
 @loop_kernel
+def turn_right(scene, grids, steps, best, tree, ocean, c, worth):
+    """Put the best plan that begins to the right into ``tree.best``, if it is worth about as much; returns its J.
+
+    While the side that a transponder lies on is not known, a bend tells it, and a turn back straightens the bend: one
+    way is kept to unless the other is worth clearly more. That it is the right one is a convention.
+    """
+    search_leaves(scene, grids, steps, tree, ocean, c, worth)
+    for g in range(grids.sizes[steps - 1]):
+        if not grids.points[steps - 1, g, 0] < 0.0:
+            tree.leaf_value[g] = -np.inf
+    enough = best - ABOUT_AS_MUCH * scene.transponders
+    for _ in range(grids.starts):
+        pick = 0
+        for g in range(grids.sizes[steps - 1]):
+            if tree.leaf_value[g] > tree.leaf_value[pick] + TIE:
+                pick = g
+        if tree.leaf_value[pick] == -np.inf:
+            break
+        write_leaf(grids, steps, pick, tree)
+        tree.leaf_value[pick] = -np.inf
+        found = climb(scene, tree.plan, steps, grids.most, grids.tolerance, tree.trail, ocean, c, worth)
+        if tree.plan[0, 0] < 0.0 and found > enough + TIE:
+            enough = found
+            best = found
+            for j in range(steps):
+                tree.best[j, 0], tree.best[j, 1] = tree.plan[j, 0], tree.plan[j, 1]
+    return best
+
+
+@loop_kernel
 def best_plan(scene, steps, grids, tree, ocean, c, worth):
     """The best plan of ``steps`` steps into ``tree.best``; returns its J, -inf and a plan of 0 where J is no number."""
     best = -np.inf
@@ -269,20 +312,28 @@ def best_plan(scene, steps, grids, tree, ocean, c, worth):
             write_leaf(grids, d, pick, tree)
             tree.leaf_value[pick] = -np.inf
             best = climb_from_plan(scene, grids, d, best, tree, ocean, c, worth)
+    if c.vehicle == YAW_RATE and scene.unsure > UNSURE and not tree.best[0, 0] < 0.0:
+        best = turn_right(scene, grids, steps, best, tree, ocean, c, worth)
     return best
 
 
 @loop_kernel
-def scene_of(w, field, most, targets, information):
-    """What the planner reads of world ``w``, estimates copied to ``targets`` (M, 3) and ``information`` (M, 6).
+def scene_of(w, field, most, images, targets, information, share, c):
+    """What the planner reads of world ``w``, believed places copied to ``targets`` (P, 3), ``information``, ``share``.
 
-    ``field``: the currents that it plans with.
+    ``field``: the currents that it plans with. ``images``: whether images of the estimates count.
     """
-    for m in range(w.num_transponders):
-        for i in range(3):
-            targets[m, i] = w.estimate[m, i]
-        for i in range(PACKED):
-            information[m, i] = w.information[m, i]
+    number = w.num_transponders
+    unsure = 0.0
+    if images:
+        number, unsure = possible_places(w, c, targets, information, share)
+    else:
+        for m in range(number):
+            share[m] = 1.0
+            for i in range(3):
+                targets[m, i] = w.estimate[m, i]
+            for i in range(PACKED):
+                information[m, i] = w.information[m, i]
     return Scene(
         w.x,
         w.y,
@@ -292,8 +343,11 @@ def scene_of(w, field, most, targets, information):
         w.obstacle,
         most,
         w.num_transponders,
+        number,
         targets,
         information,
+        share,
+        unsure,
     )
 
 
@@ -308,16 +362,17 @@ def affordable(w, c):
 
 
 @loop_kernel
-def plan_all(worlds, steps, grids, plans, values, ocean, c, worth):
+def plan_all(worlds, steps, images, grids, plans, values, ocean, c, worth):
     """The best plan of every running world: actions (n, steps, 2) into ``plans``, J (n,) into ``values``.
 
     A plan is no longer than the measurements that are left. Worlds do not depend on each other, and nothing is
-    allocated for one. Of a record this reads place, heading, clock, battery, estimates, information and the forecast,
-    never ``target`` or ``truth``.
+    allocated for one. Of a record this reads places, ranges, heading, clock, battery, estimates, information and the
+    forecast, never ``target`` or ``truth``.
     """
-    tree = make_tree(steps, grids.points.shape[1], MAX_TRANSPONDERS)
-    targets = np.zeros((MAX_TRANSPONDERS, 3))
-    information = np.zeros((MAX_TRANSPONDERS, PACKED))
+    tree = make_tree(steps, grids.points.shape[1], MAX_PLACES)
+    targets = np.zeros((MAX_PLACES, 3))
+    information = np.zeros((MAX_PLACES, PACKED))
+    share = np.zeros(MAX_PLACES)
     for k in range(worlds.size):
         w = worlds[k]
         values[k] = -np.inf
@@ -325,7 +380,7 @@ def plan_all(worlds, steps, grids, plans, values, ocean, c, worth):
         if w.outcome != RUNNING:
             continue
         ahead = min(steps, max(c.num_measurements - w.count, 1))
-        scene = scene_of(w, w.forecast, affordable(w, c), targets, information)
+        scene = scene_of(w, w.forecast, affordable(w, c), images, targets, information, share, c)
         values[k] = best_plan(scene, ahead, grids, tree, ocean, c, worth)
         for j in range(ahead):
             plans[k, j, 0] = tree.best[j, 0]

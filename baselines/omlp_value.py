@@ -3,11 +3,14 @@
 A plan is k actions, ``u`` (k, 2), as the world takes them: u[j, 0] in [-1, 1] the yaw rate as a share of its limit
 (the second column is not used), or u[j] in the unit disc a free step, or hop, as a share of the longest. Its value is
 
-    J(u) = Σ_m ln det(Y_m + σ⁻² Σ_j h_jm h_jmᵀ) - Σ_j (price ‖u_j‖ + fence(p_j)),    h_jm = (p_m - p_j) / ‖p_m - p_j‖,
+    J(u) = Σ_m s_m ln det(Y_m + σ⁻² Σ_j h_jm h_jmᵀ) - Σ_j (price ‖u_j‖ + fence(p_j)),
+    h_jm = (p_m - p_j) / ‖p_m - p_j‖,
 
 p_j the place of the measurement after step j, p_m and Y_m estimate and information of transponder m (SPEC §8; Garcia,
-UC Riverside 2018, eq. 4.20 to 4.26). Price and fence are ours: what the reward charges for a hop, and what keeps an
-AquaQuad off the edges of the box and off obstacles. The water carries the vehicle as the forecast says, where it is.
+UC Riverside 2018, eq. 4.20 to 4.26). Its share s_m is 1; where ranges leave images of it, each counts for itself, with
+its share (ours, :mod:`baselines.omlp_images`). Price and fence are ours: what the reward charges for a hop, and what
+keeps an AquaQuad off the edges of the box and off obstacles. The water carries the vehicle as the forecast says, where
+it is.
 
 The slope: ∂J/∂p_j from :func:`~aquaquad_envs.estimation.range_information.gain_slope`, carried back through the steps,
 and through the drift by central differences. It leaves out the fence, and that a longer flight leaves less time to
@@ -64,10 +67,15 @@ class Scene(NamedTuple):
     obstacle: int
     #: Greatest action that the battery allows, at most 1.
     most: float
-    #: Transponders that count, their estimates (M, 3) and information (M, 6).
+    #: Transponders.
+    transponders: int
+    #: Places that count, one a transponder or more: how many, (P, 3) m, information (P, 6), and share (P,) of each.
     number: int
     targets: np.ndarray
     information: np.ndarray
+    share: np.ndarray
+    #: Share that images have, of the transponder whose place is least certain.
+    unsure: float
 
 
 class Trail(NamedTuple):
@@ -157,7 +165,7 @@ def step_price(scene, ux, uy, c, worth):
     """What step (ux, uy) costs, in ln det."""
     if c.vehicle != AQUAQUAD:
         return 0.0
-    return scene.number * worth.price * np.sqrt(ux * ux + uy * uy)
+    return scene.transponders * worth.price * np.sqrt(ux * ux + uy * uy)
 
 
 @loop_kernel
@@ -198,12 +206,13 @@ def value_and_slope(scene, u, steps, slope, trail, ocean, c, worth):
             matrix[i] = scene.information[m, i]
         for j in range(1, steps + 1):
             add_line_of_sight(matrix, tx - places[j, 0], ty - places[j, 1], tz, worth.weight)
-        value += log_determinant3(matrix)
+        share = scene.share[m]
+        value += share * log_determinant3(matrix)
         invert3(matrix, inverse)
         for j in range(steps):
             gx, gy = gain_slope(inverse, tx - places[j + 1, 0], ty - places[j + 1, 1], tz, worth.weight)
-            pull[j, 0] += gx
-            pull[j, 1] += gy
+            pull[j, 0] += share * gx
+            pull[j, 1] += share * gy
     # Backwards: a step moves all later places, a turn swings them too.
     px = 0.0
     py = 0.0

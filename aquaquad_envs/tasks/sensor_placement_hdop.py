@@ -11,12 +11,8 @@ import numpy as np
 from aquaquad_envs.compilation import kernel, lane_kernel, loop_kernel
 from aquaquad_envs.estimation.hdop import hdop_of_information
 from aquaquad_envs.sensing.measurements import TDOA, measurement_gradient, measurement_std
-from aquaquad_envs.tasks.sensor_placement_data import FORMATIONS, HEADINGS_DEG, ROUGH_FIX
+from aquaquad_envs.tasks.sensor_placement_data import FORMATIONS, HEADINGS_DEG
 
-#: Share of the longest step that hops in turn keep from edges and obstacles, and from which a vehicle must leave.
-KEEP_CLEAR = 0.15
-#: What room, as a share of the longest step, is worth in HDOP to a vehicle that must leave, and how much is enough.
-ROOM_WORTH, ROOM_ENOUGH = 0.3, 0.5
 #: Of the headings of hops that are looked at.
 COS = np.cos(np.radians(HEADINGS_DEG))
 SIN = np.sin(np.radians(HEADINGS_DEG))
@@ -60,41 +56,50 @@ def _add_squashed(a, b, d, total, cap, scale):
 
 
 @loop_kernel
+def formation_information(w, j, lanes, c, s):
+    """Information of ``lanes`` formations about target ``j`` where it is believed, 1/m².
+
+    xx, xy and yy into ``s.lane_a``, ``s.lane_b`` and ``s.lane_d``.
+    """
+    x = w.estimate[j, 0]
+    y = w.estimate[j, 1]
+    a, b, d = s.lane_a[:lanes], s.lane_b[:lanes], s.lane_d[:lanes]
+    rx, ry, least = s.lane_rx[:lanes], s.lane_ry[:lanes], s.lane_least[:lanes]
+    ones = s.lane_one[:lanes]
+    a[:] = 0.0
+    b[:] = 0.0
+    d[:] = 0.0
+    if c.kind == TDOA and not c.all_pairs:
+        least[:] = np.inf
+        rx[:] = x
+        ry[:] = y
+        for i in range(c.num_vehicles):
+            _find_nearest(
+                s.lane_x[i, :lanes], s.lane_y[i, :lanes], s.lane_weight[i, :lanes], least, rx, ry, x, y
+            )
+    for i in range(c.num_vehicles):
+        px, py, weight = s.lane_x[i, :lanes], s.lane_y[i, :lanes], s.lane_weight[i, :lanes]
+        if c.kind == TDOA and c.all_pairs:
+            for m in range(i + 1, c.num_vehicles):
+                _add_row(
+                    px, py, weight, s.lane_x[m, :lanes], s.lane_y[m, :lanes], s.lane_weight[m, :lanes], a, b, d,
+                    x, y, c.kind, c.std, c.noise_level, c.noise_reference, c.sound_speed,
+                )  # fmt: skip
+        else:
+            _add_row(
+                px, py, weight, rx, ry, ones, a, b, d, x, y, c.kind, c.std, c.noise_level, c.noise_reference,
+                c.sound_speed,
+            )  # fmt: skip
+
+
+@loop_kernel
 def believed_hdops(w, lanes, scale, c, s):
     """``s.lane_hdop`` of ``lanes`` formations: mean over targets of the believed HDOP, squashed at ``scale``."""
     total = s.lane_hdop[:lanes]
     total[:] = 0.0
-    a, b, d = s.lane_a[:lanes], s.lane_b[:lanes], s.lane_d[:lanes]
-    rx, ry, least = s.lane_rx[:lanes], s.lane_ry[:lanes], s.lane_least[:lanes]
-    ones = s.lane_one[:lanes]
     for j in range(c.num_targets):
-        x = w.estimate[j, 0]
-        y = w.estimate[j, 1]
-        a[:] = 0.0
-        b[:] = 0.0
-        d[:] = 0.0
-        if c.kind == TDOA and not c.all_pairs:
-            least[:] = np.inf
-            rx[:] = x
-            ry[:] = y
-            for i in range(c.num_vehicles):
-                _find_nearest(
-                    s.lane_x[i, :lanes], s.lane_y[i, :lanes], s.lane_weight[i, :lanes], least, rx, ry, x, y
-                )
-        for i in range(c.num_vehicles):
-            px, py, weight = s.lane_x[i, :lanes], s.lane_y[i, :lanes], s.lane_weight[i, :lanes]
-            if c.kind == TDOA and c.all_pairs:
-                for m in range(i + 1, c.num_vehicles):
-                    _add_row(
-                        px, py, weight, s.lane_x[m, :lanes], s.lane_y[m, :lanes], s.lane_weight[m, :lanes], a, b, d,
-                        x, y, c.kind, c.std, c.noise_level, c.noise_reference, c.sound_speed,
-                    )  # fmt: skip
-            else:
-                _add_row(
-                    px, py, weight, rx, ry, ones, a, b, d, x, y, c.kind, c.std, c.noise_level, c.noise_reference,
-                    c.sound_speed,
-                )  # fmt: skip
-        _add_squashed(a, b, d, total, c.hdop_cap, scale)
+        formation_information(w, j, lanes, c, s)
+        _add_squashed(s.lane_a[:lanes], s.lane_b[:lanes], s.lane_d[:lanes], total, c.hdop_cap, scale)
     for k in range(lanes):
         total[k] /= max(c.num_targets, 1)
 
@@ -165,65 +170,3 @@ def sort_keys(count, s):
             s.order[at] = s.order[at - 1]
             at -= 1
         s.order[at] = k
-
-
-@kernel
-def _best_hop(i, hdops, c, s):
-    """Index of the least of ``hdops`` (FORMATIONS,), 0: no hop, among the hops that have room to land.
-
-    A vehicle that has none where it is goes where there is more, for the least HDOP and the most room.
-    """
-    keep = KEEP_CLEAR * c.longest_step
-    best = 0
-    if s.room[i, 0] >= keep:
-        for k in range(1, FORMATIONS):
-            if s.room[i, k] > keep and hdops[k] < hdops[best]:
-                best = k
-        return best
-    least = np.inf
-    for k in range(1, FORMATIONS):
-        cost = hdops[k] - ROOM_WORTH * min(s.room[i, k] / c.longest_step, ROOM_ENOUGH)
-        if s.room[i, k] > s.room[i, 0] and cost < least:
-            least = cost
-            best = k
-    return best
-
-
-@loop_kernel
-def hdops_in_turn(w, c, s):
-    """HDOP, squashed at a rough fix, as the vehicles afloat hop one after another, each where it gains most.
-
-    The one whose best hop alone leaves the least HDOP comes first; all know what those before them do. ``s.turn[i]``
-    is the vehicle's turn, 0 first; ``s.turn_hdop[i]`` the HDOP before its turn, and after its hop on each heading;
-    ``s.turn_hop[i]`` the hop that those after it count on, 0: none.
-    Needs the lanes of :func:`hdops_of_changes` and ``s.room``.
-    """
-    for i in range(c.num_vehicles):
-        first = 1 + FORMATIONS * i
-        # The lane without the vehicle stands for no hop here.
-        s.lane_hdop[first] = s.lane_hdop[0]
-        hdops = s.lane_hdop[first : first + FORMATIONS]
-        s.key[i] = hdops[_best_hop(i, hdops, c, s)] if s.afloat[i] else np.inf
-        s.turn_hdop[i, :] = 0.0
-    sort_keys(c.num_vehicles, s)
-    present_formation(w, FORMATIONS, c, s)
-    for turn in range(c.num_vehicles):
-        i = s.order[turn]
-        s.turn[i] = turn
-        if not s.afloat[i]:
-            continue
-        ux, uy = direction_of_nearest(w, i, c)
-        for k in range(COS.size):
-            x, y = end_of_hop(w, i, k, ux, uy, c)
-            s.lane_x[i, 1 + k] = x
-            s.lane_y[i, 1 + k] = y
-        believed_hdops(w, FORMATIONS, ROUGH_FIX * c.fix_scale, c, s)
-        for k in range(FORMATIONS):
-            s.turn_hdop[i, k] = s.lane_hdop[k]
-        best = _best_hop(i, s.turn_hdop[i], c, s)
-        s.turn_hop[i] = best
-        x = s.lane_x[i, best]
-        y = s.lane_y[i, best]
-        for k in range(FORMATIONS):
-            s.lane_x[i, k] = x
-            s.lane_y[i, k] = y

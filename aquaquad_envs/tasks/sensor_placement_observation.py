@@ -28,13 +28,13 @@ from aquaquad_envs.tasks.sensor_placement_hdop import (
     believed_hdops,
     direction_of_nearest,
     end_of_hop,
-    hdops_in_turn,
     hdops_of_changes,
     present_formation,
     sort_keys,
     squash,
 )
 from aquaquad_envs.tasks.sensor_placement_sensing import find_afloat, without
+from aquaquad_envs.tasks.sensor_placement_turns import hop_in_turn, regroup, room_at
 
 #: Gain of a hop, in HDOP as observed, that is squashed to a half.
 GAIN_SCALE = 0.01
@@ -189,43 +189,32 @@ def _own_part(w, i, out, alive, ocean, c):
     out[_OBSTACLE + 2] = unit(dy)
 
 
-@kernel
-def _room(x, y, w, ocean, c):
-    """Distance, m, to what ends a vehicle at (x, y): the nearest obstacle or edge of the box; negative beyond."""
-    clear = clearance_at(ocean.clearance, w.obstacle, ocean.clearance_grid, x, y)
-    return min(clear, c.half_width - max(abs(x), abs(y)))
-
-
 @loop_kernel
 def _find_rooms(w, ocean, c, s):
     """Room of every vehicle, m, into ``s.room``: here, and where short hops would land on each heading."""
     for i in range(c.num_vehicles):
-        s.room[i, 0] = _room(w.x[i], w.y[i], w, ocean, c)
+        s.room[i, 0] = room_at(w.x[i], w.y[i], w, ocean, c)
         ux, uy = direction_of_nearest(w, i, c)
         for k in range(COS.size):
             x, y = end_of_hop(w, i, k, ux, uy, c)
-            s.room[i, 1 + k] = _room(x, y, w, ocean, c)
+            s.room[i, 1 + k] = room_at(x, y, w, ocean, c)
 
 
 @kernel
 def _turn_part(w, i, out, c, s):
-    """Turn of vehicle ``i``, the hop that those after it count on, and what the others would do."""
+    """Turn of vehicle ``i``, the hop that the team counts on, and what others would do."""
     out[_TURN] = (1 + s.turn[i]) / MAX_VEHICLES
     before = s.turn_hdop[i, 0]
-    hop = s.turn_hop[i]
-    if hop > 0:
-        ux, uy = direction_of_nearest(w, i, c)
-        x, y = end_of_hop(w, i, hop - 1, ux, uy, c)
-        out[_TURN + 1] = unit((x - w.x[i]) / c.longest_step)
-        out[_TURN + 2] = unit((y - w.y[i]) / c.longest_step)
-        out[_TURN + 3] = _signed(before - s.turn_hdop[i, hop], GAIN_SCALE)
+    out[_TURN + 1] = unit((s.turn_x[i] - w.x[i]) / c.longest_step)
+    out[_TURN + 2] = unit((s.turn_y[i] - w.y[i]) / c.longest_step)
+    out[_TURN + 3] = _signed(s.turn_gain[i], GAIN_SCALE)
     out[_TURN_HDOP] = before
     for k in range(1, FORMATIONS):
         out[_TURN_HDOP + k] = unit(s.turn_hdop[i, k] - before)
 
 
 @loop_kernel
-def _hdop_parts(w, members, observations, c, s):
+def _hdop_parts(w, members, observations, ocean, c, s):
     """HDOP of the team, after changes of each vehicle alone, and as the vehicles hop in turn."""
     hdops_of_changes(w, c, s)
     present = s.lane_hdop[0]
@@ -235,7 +224,8 @@ def _hdop_parts(w, members, observations, c, s):
             if s.afloat[i]:
                 for k in range(FORMATIONS):
                     observations[i, _HDOP + 1 + k] = unit(s.lane_hdop[1 + FORMATIONS * i + k] - present)
-    hdops_in_turn(w, c, s)
+    hop_in_turn(w, c, s)
+    regroup(w, ocean, c, s)
     for i in range(c.num_vehicles):
         if members[i] and s.afloat[i]:
             _turn_part(w, i, observations[i], c, s)
@@ -250,7 +240,7 @@ def observe_world(w, members, observations, ocean, c, s):
     observations[: c.num_vehicles, :] = 0.0
     _find_rooms(w, ocean, c, s)
     if c.num_targets > 0:
-        _hdop_parts(w, members, observations, c, s)
+        _hdop_parts(w, members, observations, ocean, c, s)
     covered = coverage(w, s.afloat, c) if c.fence else 0.0
     for i in range(c.num_vehicles):
         if not members[i]:

@@ -10,14 +10,16 @@ from aquaquad_envs.errors import InvalidParameterError
 from aquaquad_envs.estimation.map_estimator import pack
 from aquaquad_envs.tasks.rollout import rollout
 from baselines import knows, make_policy
+from baselines.omlp_images import MAX_PLACES
 from baselines.omlp_search import MOST_BLOCKS, make_grids, scene_of
 from baselines.omlp_value import Worth, make_trail, value_and_slope
 
 TURNING, FREE = "yaw-rate", "greedy"
 
 
-def scene(w, most=1.0):
-    return scene_of(w, w["forecast"], most, np.zeros((6, 3)), np.zeros((6, 6)))
+def scene(w, c, images=False):
+    room = np.zeros((MAX_PLACES, 3)), np.zeros((MAX_PLACES, 6)), np.zeros(MAX_PLACES)
+    return scene_of(w, w["forecast"], 1.0, images, *room, c)
 
 
 def worlds_of(vehicle=TURNING, num_worlds=1, scenario="random", moves=0, **params):
@@ -63,17 +65,18 @@ def disc(count):
     return np.concatenate([points[np.hypot(*points.T) <= 1], np.stack([np.cos(edge), np.sin(edge)], -1)])
 
 
-def planned(batch, steps):
-    policy = make_policy(f"omlp-{steps}", batch)
+def planned(batch, steps, images=False):
+    """After its decision, as published about the estimates alone unless ``images``."""
+    policy = make_policy(f"omlp-{steps}", batch, images=images)
     policy.act(batch.observations, batch.worlds)
     return policy
 
 
-def slopes(batch, u):
+def slopes(batch, u, images=False):
     """J of ``u`` from the first world, its slope, and that by central differences."""
     worth = Worth(1.0 / batch.constants.sigma**2, 0.3, 1.0)
     here, trail, slope, unused = (
-        scene(batch.worlds[0]),
+        scene(batch.worlds[0], batch.constants, images),
         make_trail(len(u)),
         np.zeros(u.shape),
         np.zeros(u.shape),
@@ -238,7 +241,6 @@ def test_it_knows_neither_targets_nor_truth_and_no_other_world():
     told = batch.worlds.copy()
     told["target"] += 7.0
     told["truth"] = 0
-    told["prior_mean"] = 0.0
     assert np.array_equal(make_policy("omlp-3", batch).act(batch.observations, told), first)
     alone = aquaquad_envs.make_world_batch("transponder-localization", 1, scenario="current")
     for k in range(5):
@@ -258,7 +260,14 @@ def test_the_planned_place_is_the_world_s_next_place(vehicle, scenario):
         plan = np.zeros((1, 2))
         plan[0, : actions.shape[1]] = actions[k]
         value_and_slope(
-            scene(w), plan, 1, np.zeros((1, 2)), trail, batch.ocean, batch.constants, policy.worth
+            scene(w, batch.constants),
+            plan,
+            1,
+            np.zeros((1, 2)),
+            trail,
+            batch.ocean,
+            batch.constants,
+            policy.worth,
         )
         expected.append(trail.places[1].copy())
     before = np.stack([batch.worlds["x"], batch.worlds["y"]], -1)

@@ -3,6 +3,7 @@
 import numpy as np
 
 import aquaquad_envs
+from aquaquad_envs.estimation.hdop import hdop
 from aquaquad_envs.tasks.sensor_placement_data import OUTCOMES, REWARD_TERMS
 from aquaquad_envs.tasks.sensor_placement_observation import OBSERVATION_NAMES
 
@@ -51,3 +52,13 @@ def bounds(batch):
     """Bounds on their root mean square (worlds, targets), m."""
     bound = batch.worlds["bound"][:, : batch.params.num_targets]
     return np.sqrt(bound[..., 0, 0] + bound[..., 1, 1])
+
+
+def squashed_hdop(points, target, kind, pairs, c, scale):
+    """HDOP h of a team about ``target`` as h / (h + scale)."""
+    chosen = None
+    if kind == "tdoa" and pairs == "reference":
+        near = np.linalg.norm(points - target, axis=1).argmin()
+        chosen = [(k, near) for k in range(len(points)) if k != near]
+    value = min(hdop(kind, points, target, stds=c.std, pairs=chosen), c.hdop_cap)
+    return value / (value + scale)

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from aquaquad_envs.estimation.hdop import hdop
 from aquaquad_envs.estimation.posterior_bound import posterior_bound
-from tests.tasks.sensor_placement_worlds import bounds, drift, errors, sea, seen
+from tests.tasks.sensor_placement_worlds import bounds, drift, errors, sea, seen, squashed_hdop
 
 KINDS = ("bearing", "range", "tdoa")
 
@@ -94,15 +93,6 @@ def test_the_bound_is_the_posterior_bound_of_the_geometry(kind, pairs):
     assert bounds(batch)[:, 0] == pytest.approx(expected.position_rmse_m[:, -1], rel=1e-9)
 
 
-def squashed_hdop(points, target, kind, pairs, c, scale):
-    chosen = None
-    if kind == "tdoa" and pairs == "reference":
-        near = np.linalg.norm(points - target, axis=1).argmin()
-        chosen = [(k, near) for k in range(len(points)) if k != near]
-    value = min(hdop(kind, points, target, stds=c.std, pairs=chosen), c.hdop_cap)
-    return value / (value + scale)
-
-
 @pytest.mark.parametrize("pairs", ["reference", "all"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_observed_hdop_is_that_of_the_team_about_the_estimate(kind, pairs):
@@ -126,59 +116,6 @@ def test_observed_hdop_is_that_of_the_team_about_the_estimate(kind, pairs):
             after[i] += hop
             change = seen(batch, f"HDOP after hop {degrees}°", i)
             assert change == pytest.approx(squashed(after) - now, abs=1e-6), degrees
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("seed", [3, 4, 5])
-def test_hops_in_turn_against_plain_loops(kind, seed):
-    """The best placed hops first; the next knows where it went. Near the edge some hops have no room to land."""
-    batch = sea(measurement=kind, num_vehicles=5, seed=seed)
-    batch.worlds["x"][:, :2] = [[4900.0, 4300.0]]
-    drift(batch)
-    w, c = batch.worlds[0], batch.constants
-    place = np.stack([w["x"], w["y"]], -1)[:5]
-    target = w["estimate"][0, :2]
-
-    reach = c.longest_step
-
-    def room(points, i):
-        return (5000.0 - np.abs(points[i]).max()) / reach
-
-    def after_hops(i, points, scale):
-        """HDOP without a hop of vehicle i and after each, the hop it makes, and the places after each."""
-        ahead = (target - points[i]) / np.linalg.norm(target - points[i])
-        places = [points]
-        for turn in np.radians(np.arange(0, 360, 45)):
-            moved = points.copy()
-            moved[i] += [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]] @ ahead * c.short_hop
-            places.append(moved)
-        found = np.array([squashed_hdop(p, target, kind, "reference", c, scale) for p in places])
-        rooms = np.array([room(p, i) for p in places])
-        if rooms[0] >= 0.15:
-            worth = np.where((rooms > 0.15) | (np.arange(9) == 0), -found, -np.inf)
-        else:
-            worth = np.where(rooms > rooms[0], 0.3 * np.minimum(rooms, 0.5) - found, -np.inf)
-        return found, int(worth.argmax()), places
-
-    alone = []
-    for i in range(5):
-        found, best, _ = after_hops(i, place, c.fix_scale)
-        alone.append(found[best])
-    assert len(set(np.round(alone, 9))) == 5, "no ties to be broken by rounding"
-    assert room(place, 0) < 0.15 < room(place, 1)
-    points = place
-    for turn, i in enumerate(np.argsort(alone)):
-        found, best, places = after_hops(i, points, 20.0 * c.fix_scale)
-        assert seen(batch, "turn", i) == pytest.approx((1 + turn) / 8)
-        assert seen(batch, "HDOP before turn", i) == pytest.approx(found[0], abs=1e-6)
-        for k, degrees in enumerate(range(0, 360, 45)):
-            change = seen(batch, f"HDOP after hop {degrees}° in turn", i)
-            assert change == pytest.approx(found[1 + k] - found[0], abs=1e-6), (turn, degrees)
-        hop = (places[best][i] - points[i]) / reach
-        assert [seen(batch, f"turn hop d{axis}", i) for axis in "xy"] == pytest.approx(list(hop), abs=1e-6)
-        gain = found[0] - found[best]
-        assert seen(batch, "turn hop gain", i) == pytest.approx(gain / (abs(gain) + 0.01), abs=1e-5)
-        points = places[best]
 
 
 def test_mean_hdop_is_that_of_the_vehicles_on_the_water():
