@@ -44,6 +44,8 @@ class Args:
     """worlds stepped together (default: the recipe's)"""
     learning_rate: float | None = None
     """step size of the optimiser (default: the recipe's)"""
+    gamma: float | None = None
+    """discount of a reward, a decision (default: the recipe's)"""
     checkpoint_every: int | None = None
     """frames between checkpoints (default: the recipe's)"""
     imitation_rounds: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
@@ -54,7 +56,7 @@ def main() -> int:
     """Run the command line; returns the exit status."""
     args = tyro.cli(Args, description=Args.__doc__)
     from agents.recipes import make_recipe
-    from aquaquad_envs.errors import AquaQuadError
+    from aquaquad_envs.errors import AquaQuadError, check_range
 
     try:
         recipe = make_recipe(args.task, args.scenario, args.algorithm)
@@ -66,9 +68,11 @@ def main() -> int:
         if args.algorithm != "sac" and recipe.imitation_rounds == 0:
             # Nothing to imitate: exploring has to find everything, and the critic starts level with the actor.
             recipe = recipe.with_overrides(initial_log_std=-0.5, value_warmup_frames=0)
-        if args.learning_rate is not None:
-            settings = {**recipe.algorithm_settings, "learning_rate": args.learning_rate}
-            recipe = recipe.with_overrides(algorithm_settings=settings)
+        if args.gamma is not None:
+            check_range("gamma", args.gamma, 0.0, 1.0)
+        given = {"learning_rate": args.learning_rate, "gamma": args.gamma}
+        settings = {name: value for name, value in given.items() if value is not None}
+        recipe = recipe.with_overrides(algorithm_settings={**recipe.algorithm_settings, **settings})
         from agents.training import train
 
         card = train(

@@ -1,14 +1,15 @@
 """Where a transponder may be besides its estimate: images of it that the ranges fit as well.
 
-Ranges from one place leave a circle about it, ranges along a straight track leave two sides. The estimate is one
-point of those; a plan that trusts it plans for a direction that chance chose. Here the images are found and weighted:
+Ranges from one place leave a circle about it, ranges from two leave two sides. The estimate is one point of those; a
+plan that trusts it plans for a direction that chance chose. Here the images are found and weighted:
 
 - from one place: the estimate turned about it by eighths of a circle;
-- from several: its image across the straight line that fits them best.
+- from two: its image across the line that joins them.
 
 An image at p weighs exp(J(p*) - J(p)) against the estimate p*, J the estimator's cost (prior and ranges,
-:mod:`aquaquad_envs.estimation.map_estimator_kernels`): on a bent track an image fits worse, and is soon gone. What the
-ranges tell at p is linearised there. Ours; Garcia (UC Riverside 2018) plans about the estimate alone.
+:mod:`aquaquad_envs.estimation.map_estimator_kernels`). What the ranges tell at p is linearised there. From the third
+reply on the estimate stands alone: a bend of the track tells its side. Ours; Garcia (UC Riverside 2018) plans about the
+estimate alone.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ from aquaquad_envs.tasks.transponder_localization_data import MAX_TRANSPONDERS
 #: Places on a circle.
 AROUND = 8
 MAX_PLACES = AROUND * MAX_TRANSPONDERS
+#: From more replies than this a bend of the track tells the side.
+MOST_REPLIES = 2
 #: An image that weighs less, against the estimate, is left out.
 _LEAST = 0.01
 _COS, _SIN = (
@@ -34,17 +37,19 @@ _COS, _SIN = (
 
 @kernel
 def _reply_places(w, m):
-    """Index of the first place that ``m`` replied at, and the greatest distance, m, of another from it."""
+    """Replies of ``m``, index of the first place it replied at, and the greatest distance, m, of another from it."""
+    replies = 0
     first = -1
     farthest = 0.0
     for i in range(w.count):
         if w.ranges[m, i] == w.ranges[m, i]:
+            replies += 1
             if first < 0:
                 first = i
             dx = w.place_x[i] - w.place_x[first]
             dy = w.place_y[i] - w.place_y[first]
             farthest = max(farthest, np.sqrt(dx * dx + dy * dy))
-    return first, farthest
+    return replies, first, farthest
 
 
 @loop_kernel
@@ -77,13 +82,13 @@ def possible_places(w, c, targets, information, share):
             information[own, k] = w.information[m, k]
         share[own] = 1.0
         count += 1
-        first, farthest = _reply_places(w, m)
-        if first < 0:
+        replies, first, farthest = _reply_places(w, m)
+        circle = farthest < c.sigma
+        if replies == 0 or not (circle or replies <= MOST_REPLIES):
             continue
         # The estimate's own information is the world's: that of its last reply.
         cost = _weigh(w, m, x, y, z, c, information[count])
         total = 1.0
-        circle = farthest < c.sigma
         for k in range(1, AROUND if circle else 2):
             if circle:
                 dx = x - w.place_x[first]

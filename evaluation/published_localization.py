@@ -99,7 +99,7 @@ def run_course(table: str, M: int, k: int, runs: int, seed: int) -> Course:
         "transponder-localization", runs, scenario=about["scenarios"][M], num_transponders=M,
         vehicle=about["vehicle"], num_measurements=max(EPOCHS),
     )  # fmt: skip
-    policy = make_policy(f"omlp-{k}" if k else "random", batch)
+    policy = make_policy(f"omlp-{k}", batch, images=about["images"]) if k else make_policy("random", batch)
     seeds = seed + np.arange(runs)
     batch.reset(seeds)
     policy.reset(seeds)

@@ -58,7 +58,7 @@ def evolution(courses: dict[tuple[str, int, int], Any]) -> bytes:
 
 def trajectories(courses: dict[tuple[str, int, int], Any]) -> bytes:
     """The first run of each row, one panel a table and number of transponders."""
-    panels = [(name, M) for name in TABLES for M in TABLES[name]["scenarios"]]
+    panels = [(name, M) for name, table in TABLES.items() if table["images"] for M in table["scenarios"]]
     figure, axes = _figure(13.0, 7.0, nrows=2, ncols=len(panels) // 2)
     for axis, (name, M) in zip(axes.flat, panels, strict=True):
         for m, k in TABLES[name]["cells"]:

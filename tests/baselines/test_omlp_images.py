@@ -52,8 +52,8 @@ def test_one_range_leaves_a_circle():
     assert unsure == pytest.approx(1.0 - share[0])
 
 
-def test_a_straight_track_leaves_two_sides_and_a_bent_one_tells():
-    batch = after([0.0, 0.0])
+def test_two_places_leave_two_sides_and_a_bent_track_tells():
+    batch = after([0.0])
     found, _, share, unsure = places(batch)
     assert len(found) == 2 and unsure == pytest.approx(share[1])
     weights = np.exp([-cost(batch, place) for place in found])
