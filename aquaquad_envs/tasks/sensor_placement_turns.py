@@ -95,6 +95,10 @@ def hop_in_turn(w, c, s):
     for turn in range(c.num_vehicles):
         i = s.order[turn]
         s.turn[i] = turn
+        # Of a vehicle that is not afloat too: scratch memory holds anything.
+        s.turn_x[i] = w.x[i]
+        s.turn_y[i] = w.y[i]
+        s.turn_gain[i] = 0.0
         if not s.afloat[i]:
             continue
         ux, uy = direction_of_nearest(w, i, c)
