@@ -195,7 +195,7 @@ def transponder_localization_recipe(scenario: str, algorithm: str) -> Recipe:
         params={"scenario": scenario, **fields},
         validation={"scenario": scenario, **checks},
         # What a turn does to the geometry shows within ten of the thirty measurements; small steps, with little noise,
-        # from a start that is the expert to a few thousandths.
+        # keep what was imitated of the first ones. The shipped policy has a second stage (docs/training.md).
         algorithm_settings={**_PPO, "gamma": 0.98, "n_steps": 32, "learning_rate": 1e-4},
         hidden=(256, 256),
         initial_log_std=-2.0,
